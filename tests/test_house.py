@@ -41,7 +41,6 @@ PRIVATE = {
 }
 MOVED = {
     "fgnav.flight": "fgnav.types.flight",
-    "fgnav.io.flight_folder": "fgnav.io.flight.folder",
     "fgnav.integers.truth": "fgnav.integers.resolvers.truth",
 }
 

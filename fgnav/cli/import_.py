@@ -10,8 +10,8 @@ from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
 _FORMATS = (
-    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, ubx, sbf, novatel, rtcm3, "
-    "rinex, sp3, umn, or an installed one; else told by each file's content."
+    "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
+    "rtcm3, rinex, sp3, or an installed one; else told by each file's content."
 )
 
 

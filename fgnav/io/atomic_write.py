@@ -7,8 +7,8 @@ however that ends: the next write of NAME removes what killed ones have left.
 import errno
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 from fgnav.checks import BadInputError
@@ -21,8 +21,7 @@ except ModuleNotFoundError:  # elsewhere than on POSIX nothing tells whose proce
 _FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
 
 
-@contextmanager
-def atomic_file(path: Path, *, tidy: bool = True) -> Iterator[Path]:
+def atomic_file(path: Path, *, tidy: bool = True) -> AbstractContextManager[Path]:
     """Yield a temporary path beside ``path``; it takes the name at the end, or goes on an error.
 
     Parameters
@@ -36,9 +35,27 @@ def atomic_file(path: Path, *, tidy: bool = True) -> Iterator[Path]:
     BadInputError
         If the place cannot be written.
     """
+    return _atomic(path, Path.touch, tidy=tidy)
+
+
+def atomic_folder(path: Path) -> AbstractContextManager[Path]:
+    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new.
+
+    Raises
+    ------
+    BadInputError
+        If the folder cannot be made, or something in it cannot be written.
+    """
+    made_folder(path.parent)
+    return _atomic(path, Path.mkdir, tidy=True)
+
+
+@contextmanager
+def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator[Path]:
+    """Yield what is made beside ``path`` and takes its name."""
     part = _part(path)
     try:
-        part.touch()
+        make(part)
         with _locked(part):
             if tidy:
                 _remove_leftovers(path)
@@ -48,30 +65,7 @@ def atomic_file(path: Path, *, tidy: bool = True) -> Iterator[Path]:
         raise _cannot_be_written(path, error) from error
     finally:
         with suppress(OSError):
-            part.unlink(missing_ok=True)
-
-
-@contextmanager
-def atomic_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new.
-
-    Raises
-    ------
-    BadInputError
-        If the folder cannot be made, or something in it cannot be written.
-    """
-    part = _part(path)
-    made_folder(path.parent)
-    try:
-        part.mkdir()
-        with _locked(part):
-            _remove_leftovers(path)
-            yield part
-            part.replace(path)
-    except OSError as error:
-        raise _cannot_be_written(path, error) from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+            shutil.rmtree(part) if part.is_dir() else part.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str, *, tidy: bool = True) -> None:

@@ -1,7 +1,13 @@
-"""Which signals of each constellation are kept: RTKLIB holds three per satellite.
+"""Which signals of each constellation are kept: those of three carriers.
 
 One signal per carrier frequency, the same for all antennas of a flight where their receivers allow
-it: a double difference needs the same signal at both ends.
+it: a double difference needs the same signal at both ends. RINEX 2 names codes and carriers only;
+there a satellite's code tells the signal, epoch by epoch [1]_.
+
+References
+----------
+.. [1] RINEX: The Receiver Independent Exchange Format Version 2.11, 2007, section 10.1.1; tracking
+   modes as RTKLIB's reader takes them.
 """
 
 import re
@@ -10,11 +16,12 @@ from dataclasses import dataclass
 
 from fgnav.io.rinex.header import Header
 
-# By constellation: the band of each of RTKLIB's slots.
+QUANTITIES = "CLDS"  # code, phase, Doppler, density
+# By constellation: the bands of the three carriers that are kept.
 _SLOTS = {
     "G": ("1", "2", "5"),
     "E": ("1", "7", "5"),
-    "C": ("2", "7", "5"),  # B1C has no slot of these three in pyrtklib5
+    "C": ("2", "7", "5"),  # B1I, B2I, B2a
     "J": ("1", "2", "5"),
     "R": ("1", "2", "3"),
 }
@@ -46,6 +53,16 @@ _SAME_SIGNAL = {
 }
 
 
+# RINEX 2: signals of codes, by constellation, the best of a carrier first.
+_RINEX_2 = {
+    "G": {"C1": "1C", "P1": "1W", "P2": "2W", "C2": "2X", "C5": "5X"},
+    "E": {"C1": "1X", "C7": "7X", "C5": "5X", "C6": "6X", "C8": "8X"},
+    "C": {"C2": "2I", "C1": "2I", "C7": "7I", "C5": "5X", "C6": "6I"},
+    "J": {"C1": "1C", "C2": "2X", "C5": "5X", "C6": "6X"},
+    "R": {"C1": "1C", "P1": "1P", "C2": "2C", "P2": "2P"},
+}
+
+
 def same_signal(constellation: str, signal: str) -> str:
     """Return one name for all ways to track a signal: ``1BCX`` of Galileo's ``1X``."""
     for family in _SAME_SIGNAL.get(constellation, ()):
@@ -56,15 +73,26 @@ def same_signal(constellation: str, signal: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalChoice:
-    """The signal kept in each of RTKLIB's slots, by constellation letter; None where none is."""
+    """The signals kept of each of three carriers, by constellation letter.
 
-    kept: dict[str, tuple[str | None, str | None, str | None]]
+    One a carrier or none; of RINEX 2 all that its codes may be, the best first.
+    """
 
-    @property
-    def options(self) -> str:
-        """RTKLIB's reading options that make it keep these."""
-        chosen = [f"-{c}L{s}" for c, signals in self.kept.items() for s in signals if s]
-        return " ".join(["-SYS=" + "".join(_SLOTS), *chosen])
+    kept: dict[str, tuple[tuple[str, ...], ...]]
+    version: float = 3.0
+
+    def column(self, constellation: str, name: str) -> tuple[int, int, str]:
+        """Return carrier or -1, place of the quantity, and signal of an observation type."""
+        place, signal = QUANTITIES.find(name[0].replace("P", "C")), name[1:]
+        carriers = self.kept.get(constellation, ((), (), ()))
+        if self.version < 3:
+            codes = _RINEX_2.get(constellation, {})
+            band = codes.get(f"C{name[1]}", name[1])[0]
+            code = codes.get(f"C{name[1]}", name[1])
+            of_band = next((some[0] for some in carriers if some and some[0][0] == band), code)
+            signal = codes.get(name, band) if place == 0 else of_band
+        matching = [k for k, some in enumerate(carriers) if signal in some]
+        return (matching[0] if matching and place >= 0 else -1), place, signal
 
 
 def choose_signals(headers: Sequence[Header]) -> list[SignalChoice]:
@@ -73,7 +101,7 @@ def choose_signals(headers: Sequence[Header]) -> list[SignalChoice]:
     Parameters
     ----------
     headers : sequence of Header
-        Of observation files, RINEX 3 or 4; those of RINEX 2 get no choice (types leave none).
+        Of observation files.
 
     Returns
     -------
@@ -84,23 +112,31 @@ def choose_signals(headers: Sequence[Header]) -> list[SignalChoice]:
     offers = {c: [_offer(header.types.get(c, ())) for header in modern] for c in _SLOTS}
     choices = []
     for header in headers:
-        if header.version < 3:
-            choices.append(SignalChoice(kept={}))
-            continue
-        kept = {}
+        kept: dict[str, tuple[tuple[str, ...], ...]] = {}
         for constellation, slots in _SLOTS.items():
-            own = _offer(header.types.get(constellation, ()))
-            first, second, third = (
-                _best(constellation, band, own, offers[constellation]) for band in slots
-            )
-            kept[constellation] = (first, second, third)
-        choices.append(SignalChoice(kept=kept))
+            types = header.types.get(constellation, ())
+            if header.version < 3:
+                kept[constellation] = tuple(_of_codes(constellation, band, types) for band in slots)
+                continue
+            own = _offer(types)
+            best = [_best(constellation, band, own, offers[constellation]) for band in slots]
+            kept[constellation] = tuple((signal,) if signal else () for signal in best)
+        choices.append(SignalChoice(kept=kept, version=header.version))
     return choices
 
 
+def _of_codes(constellation: str, band: str, types: Sequence[str]) -> tuple[str, ...]:
+    """Return the signals of a carrier that the codes, or else the phase, of RINEX 2 may be of."""
+    codes = {c: s for c, s in _RINEX_2[constellation].items() if s[0] == band}
+    some = [signal for code, signal in codes.items() if code in types]
+    some = some or [signal for code, signal in codes.items() if f"L{code[1]}" in types][:1]
+    return tuple(dict.fromkeys(some))
+
+
 def _offer(types: Sequence[str]) -> dict[str, int]:
-    """Return the signals of a list of types: 2 with code and phase, 1 with code only."""
-    return {t[1:]: 1 + (f"L{t[1:]}" in types) for t in types if re.fullmatch("C[1-9][A-Z]", t)}
+    """Return the signals of a list of types: 2 with code and phase, 1 with one of them."""
+    signals = [t[1:] for t in types if re.fullmatch("[CL][1-9][A-Z]", t)]
+    return {signal: signals.count(signal) for signal in signals}
 
 
 def _best(

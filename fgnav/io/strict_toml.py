@@ -48,7 +48,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     if _DOTTED.search(content):
         raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer, a key has more")
     try:
-        table = tomllib.loads(content.decode("utf-8"))
+        table = tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
         raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer") from None
     except ValueError as error:  # not TOML, not UTF-8, or a number that Python refuses

@@ -76,7 +76,7 @@ def _head(path: Path, content: bytes) -> tuple[list[str], bytes]:
         raise BadInputError(
             f"{path}: line 1: must hold the names of columns, got {quoted(content[:80])}"
         )
-    head = content[:size].decode("utf-8", "replace").removesuffix("\r")
+    head = content[:size].decode("utf-8-sig", "replace").removesuffix("\r")
     return [name.strip(" ") for name in head.split(",")], content[size + 1 :]
 
 
@@ -149,11 +149,18 @@ def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
 def _first_not_number(lines: Sequence[str], names: Sequence[str]) -> tuple[int, str, str]:
     for k, line in enumerate(lines):
         for name, field in zip(names, line.split(","), strict=True):
-            try:
-                np.float64(field.replace("_", "x"))
-            except ValueError:
+            if not is_number(field.replace("_", "x")):
                 return k, name, field
     return 0, names[0], lines[0]
+
+
+def is_number(text: str | bytes) -> bool:
+    """Return True if a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:

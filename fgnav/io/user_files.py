@@ -4,6 +4,7 @@ Regular files only: a pipe or a device may never end. At most ``FGNAV_MAX_BYTES`
 unpacked.
 """
 
+import codecs
 import gzip
 import os
 import stat
@@ -80,6 +81,28 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
         if isinstance(error, BadInputError):
             raise
         raise BadInputError(f"{str(path)!r:.80}: is no name of a file, {error}") from error  # a NUL
+
+
+def encoding_of(head: bytes) -> str:
+    """Return the encoding of a text by its first bytes: a byte-order mark is none of its letters.
+
+    UTF-16 without a mark has a NUL beside each letter of ASCII.
+    """
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    if head[1:2] == b"\0" and head[:1] != b"\0":
+        return "utf-16-le"
+    return "utf-16-be" if head[:1] == b"\0" and head[1:2] not in (b"", b"\0") else "utf-8-sig"
+
+
+def read_lines(path: Path) -> list[str]:
+    """Return the lines of a text that a program wrote, in any encoding, without their ends.
+
+    Lines after a Ctrl-Z, which ends a text of DOS, are left out.
+    """
+    content = read_bytes(path)
+    text = content.decode(encoding_of(content[:4]), "replace")
+    return text.rstrip("\x1a\0\r\n").splitlines()
 
 
 def _refuse_holes(path: Path, file: BinaryIO) -> None:

@@ -73,3 +73,7 @@ def test_written_table_is_read_back(tmp_path):
     got = read_table(tmp_path / "a.csv", tuple(columns))
     np.testing.assert_allclose(got["x"], columns["x"], rtol=0, atol=0.5e-6)
     np.testing.assert_allclose(got["y"], columns["y"], rtol=1e-11)
+
+
+def test_a_byte_order_mark_is_no_letter(tmp_path):
+    assert read(tmp_path, "\ufeff" + GOOD)["t_s"].tolist() == [0, 0.5, 1]

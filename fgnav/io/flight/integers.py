@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
+from fgnav.io.tables import is_number
 from fgnav.io.user_files import read_bytes
 from fgnav.types.flight import LinkIntegers
 
@@ -75,15 +76,10 @@ def _rows(path: Path) -> list[list[str]]:
 
 def _numbers(path: Path, rows: Sequence[Sequence[str]], column: int) -> FloatArray:
     """Return a column of finite numbers."""
-    values = np.empty(len(rows))
     for k, row in enumerate(rows):
-        try:
-            values[k] = float(row[column])
-        except ValueError:
-            values[k] = np.nan
-        if not np.isfinite(values[k]):
+        if not (is_number(row[column]) and np.isfinite(float(row[column]))):
             raise BadInputError(
                 f"{path}: line {k + 2}: {COLUMNS[column]} must be a finite number, "
                 f"got {quoted(row[column])}"
             )
-    return values
+    return np.array([float(row[column]) for row in rows])

@@ -23,13 +23,13 @@ IMPORTERS = {
     "ardupilot": f"{_FORMATS}.ardupilot:read_ardupilot",
     "rosbag": f"{_FORMATS}.ros:read_bag",
     "mcap": f"{_FORMATS}.ros:read_bag",
+    "nmea": f"{_FORMATS}.nmea:read_nmea",
     "ubx": f"{_FORMATS}.receivers:read_ubx",
     "sbf": f"{_FORMATS}.receivers:read_sbf",
     "novatel": f"{_FORMATS}.receivers:read_novatel",
     "rtcm3": f"{_FORMATS}.receivers:read_rtcm3",
     "rinex": f"{_FORMATS}.receivers:read_rinex_file",
     "sp3": f"{_FORMATS}.receivers:read_sp3_file",
-    "umn": f"{_FORMATS}.umn:read_umn",
 }
 
 

@@ -22,6 +22,7 @@ from fgnav.io.importers.settings import Settings
 from fgnav.types.flight import Antenna, Flight, TruthSource
 
 SETTINGS_NAME = "import.toml"
+_OWNERS = {"fixes": "receiver", "imu": "inertial unit"}
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 
 
@@ -50,17 +51,23 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         If two files have the same table, or a table has no usable row, or nothing is left
         without instruments whose noise is not stated: those are left out, and counted.
     """
+    recordings = [cleaned(_stated(one, settings)) for one in recordings]
     missing = {key: text for one in recordings for key, text in one.missing.items()}
     losses = [loss for one in recordings for loss in one.losses]
-    recordings = [_clean(_stated(one, settings, losses), losses) for one in recordings]
     start_s = _start(recordings, settings, missing)
     tables: dict[str, dict[str, FloatArray]] = {}
+    sources: dict[str, str] = {}
     truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
     for one in recordings:
         shift_s = _shift(one, start_s, settings, missing)
         for kind, rows in one.tables.items():
             if kind in tables:
-                raise BadInputError(f"{one.source}: another file has {kind}, too; import one")
+                raise BadInputError(
+                    f"{one.source}: has {kind}, as {sources[kind]} has; a flight takes those of "
+                    f"one {_OWNERS.get(kind, 'instrument')}: import one of them, and the other as "
+                    "a flight of its own"
+                )
+            sources[kind] = one.source.name
             tables[kind] = {**rows, "t_s": rows["t_s"] + shift_s}
     observations = tuple(path for one in recordings for path in one.observations)
     antennas = _antennas(settings, observations, "fixes" in tables, missing)
@@ -90,7 +97,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     )
 
 
-def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording:
+def _stated(one: Recording, settings: Settings) -> Recording:
     """Return a recording without instruments whose noise the settings do not state; count them."""
     unused = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
     if unused and set(one.tables) == set(unused):
@@ -98,20 +105,16 @@ def _stated(one: Recording, settings: Settings, losses: list[Loss]) -> Recording
             f"{one.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] of "
             "--settings"
         )
-    for kind in unused:
-        reason = f"[{kind}] of --settings does not state its noise ({one.source.name})"
-        count = len(one.tables[kind]["t_s"])
-        losses.append(Loss(what=f"{kind} row", reason=reason, count=count))
-    return replace(one, tables={k: rows for k, rows in one.tables.items() if k not in unused})
-
-
-def _clean(one: Recording, losses: list[Loss]) -> Recording:
-    """Return a recording without the rows that no flight can have; count them."""
-    tables = {}
-    for kind, table in one.tables.items():
-        tables[kind], lost = cleaned(kind, table, one.source)
-        losses += lost
-    return replace(one, tables=tables)
+    losses = [
+        Loss(
+            what=f"{kind} row",
+            reason=f"[{kind}] of --settings does not state its noise ({one.source.name})",
+            count=len(one.tables[kind]["t_s"]),
+        )
+        for kind in unused
+    ]
+    tables = {kind: rows for kind, rows in one.tables.items() if kind not in unused}
+    return replace(one, tables=tables, losses=(*one.losses, *losses))
 
 
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:

@@ -1,6 +1,7 @@
 """What the columns of a CSV file may be: by their names, else by their numbers.
 
-A guess to start from: ``fgnav new`` writes it down, and the user looks at it.
+A guess to start from: ``fgnav new`` writes it down, and the user looks at it. Units and clocks that
+neither a name nor the size of the numbers determines are marked ``unconfirmed``.
 """
 
 import csv
@@ -11,33 +12,95 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.flight.columns import FORCE, PLACE, RATE, VELOCITY
-from fgnav.io.importers.formats.text_columns import is_number, usual_width
+from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
+from fgnav.io.tables import is_number
+from fgnav.io.user_files import encoding_of
 
 _ROWS = 20_000  # looked at
 _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
-# Names in the wild, lower case, brackets with units aside: PX4's, Xsens', loggers', MATLAB's.
+# Names in the wild, lower case, without units: PX4's, Xsens', loggers', MATLAB's, ROS's.
+_BEFORE = r"(?:.*[_./ ])?"
 _TRIPLES = (
-    (FORCE, r"(a|f|acc\w*?|lin\w*acc\w*|specific_?force)[_. ]?({axis}|\[{k}\])", "xyz"),
-    (RATE, r"(g|w|gyr\w*?|omega|ang\w*(vel|rate)\w*|rate)[_. ]?({axis}|\[{k}\])", "xyz"),
-    (VELOCITY, r"v(el)?[_. ]?{axis}(orth|ast|own)?", "ned"),
+    (FORCE, "xyz", r"(?:a|f)(?:_rs_s)?|acc\w*?|lin\w*acc\w*|specific_?force", r"acc\w*"),
+    (RATE, "xyz", r"(?:g|w)(?:_rs_s)?|gyr\w*?|omega|ang\w*(?:vel|rate)\w*|rate", r"gyr\w*"),
 )
-_NAMES = {
-    "t_s": r"t|time.*|timestamp.*|sec(onds)?.*|tow|utc.*|gps_?time.*|unix.*|sow",
-    "latitude_deg": r"lat(itude)?.*",
-    "longitude_deg": r"(lon(gitude)?|lng).*",
-    "height_m": r"(h|hgt|height|alt(itude)?|ellips).*",
-} | {
-    name: pattern.format(axis=axis, k=k)
-    for names, pattern, axes in _TRIPLES
-    for k, (name, axis) in enumerate(zip(names, axes, strict=True))
+_AXIS_WORDS = {"n": "n(?:orth)?", "e": "e(?:ast)?", "d": "d(?:own)?", "u": "u(?:p)?"}
+_VELOCITY = r"(?:.*[_./ ])?(?:v(?:el\w*)?[_. ]?{axis}|{axis}[_. ]?v(?:el\w*)?)"
+_NAMES = (
+    {
+        "t_s": rf"{_BEFORE}(?:t|i?tow|sow)|.*(?:time|stamp|utc|unix|epoch|date|sec(?:ond)?s?\b).*",
+        "latitude_deg": rf"{_BEFORE}lat(?:itude)?.*",
+        "longitude_deg": rf"{_BEFORE}(?:lon(?:gitude)?|lng).*",
+        "height_m": rf"{_BEFORE}(?:h|hgt|height|alt(?:itude)?|ellips).*",
+    }
+    | {
+        name: rf"{_BEFORE}(?:(?:{first})[_. ]?(?:{axis}|\[{k}\])|{axis}[_. ]?(?:{last}))"
+        for names, axes, first, last in _TRIPLES
+        for k, (name, axis) in enumerate(zip(names, axes, strict=True))
+    }
+    | {
+        name: _VELOCITY.format(axis=_AXIS_WORDS[axis])
+        for name, axis in zip(VELOCITY, "ned", strict=True)
+    }
+)
+_UP = re.compile(_VELOCITY.format(axis=_AXIS_WORDS["u"]))
+_NO_VALUE = re.compile(r"sigma|std|sd[neuv]|acc(?:uracy)?$|err|cov|var|dop|rms|valid|status")
+_ABOVE_SEA = re.compile(r"msl|sea|geoid|undul|agl|baro|rel")
+# Units in names, by what the flight's column ends in; the first that fits counts.
+_END = r"(?:[^a-z].*)?$"
+_NOT_LETTER = r"(?:^|[^a-z])"
+_UNIT_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
+    "s": (
+        ("ns", r"(?:[^a-z]|time|stamp)n(?:s|secs?|ano\w*)" + _END),
+        ("us", r"(?:[^a-z]|time|stamp)(?:[uµμ]s(?:ecs?)?|micro\w*)" + _END),
+        ("ms", r"(?:[^a-z]|time|stamp)(?:m(?:s|secs?)|milli\w*)" + _END),
+        ("s", r"(?:^|[^a-z])s(?:ecs?|econds?)?" + _END),
+    ),
+    "mps2": (
+        ("m/s2", r"(?<![a-z])m[^a-z0-9]*(?:s|ps2)"),
+        ("mg", _NOT_LETTER + r"(?:mg|milli_?g)" + _END),
+        ("g", _NOT_LETTER + r"g(?:s|ee)?\W*$"),
+    ),
+    "radps": (
+        ("mrad/s", r"mrad|milli_?rad"),
+        ("rad/s", r"rad"),
+        ("mdeg/s", r"mdps|mdeg|milli_?deg"),
+        ("deg/s", r"dps|deg|[°º]"),
+    ),
+    "deg": (("1e-7deg", r"1?0?\^?e-?7"), ("rad", r"rad"), ("deg", r"deg|[°º]")),
+    "m": tuple(
+        (unit, rf"{_NOT_LETTER}(?:{words})\W*$")
+        for unit, words in (
+            ("mm", "mm"),
+            ("cm", "cm"),
+            ("km", "km"),
+            ("ft", "ft|feet"),
+            ("m", "m|met(?:er|re)s?"),
+        )
+    ),
+    "mps": (
+        ("mm/s", r"mm[/_p ]*s"),
+        ("cm/s", r"cm[/_p ]*s"),
+        ("km/h", r"km[/_p ]*h"),
+        ("kt", r"kts?\W*$|knots?"),
+        ("m/s", r"m[/_p ]*s"),
+    ),
 }
-_UNIT = re.compile(r"[\[(]([^\])]+)[\])]\s*$")
-_SPELLINGS = {"m/s^2": "m/s2", "m/s²": "m/s2", "°/s": "deg/s", "degrees": "deg", "meters": "m"}
+_BRACKETS = re.compile(r"[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")  # [0] is an index
+_ENDING = re.compile(
+    r"[_ .](?:m?dps|degps|m?deg(?:[_/]?s)?|rad(?:[_/]?s|ps)?|m?g|mps2?|m_?s2?|m_s_?2|kmh|kts?|"
+    r"knots|[mun]?s|[mun]?secs?|[mck]?m|ft|d?e-?7)$"
+)
 _GRAVITY = {1.0: "g", 9.80665: "m/s2", 1000.0: "mg"}  # median length of specific force, by unit
 _NEAR = 0.3  # of that: a vehicle's mean is gravity's, vibration and biases make up to some tenths
+_SMOOTH_DEG = 1e-3  # between rows: no vehicle moves by 100 m, and an accelerometer's noise is more
+_HIGHEST_M = 20_000.0
+_MOST_MINUTES = 18_000.0  # 180 degrees as NMEA writes them, dddmm.mmmm
+_LONG_STEP_S = 0.05  # between samples: a unit that is slower has another unit of time, perhaps
+_WEEK_NAMES = re.compile(r"(?:i|gps_?)?tow.*|sow.*|.*(?:time_?of_?week|week_?sec).*")
 
 
 def guessed(path: Path) -> CsvTable:
@@ -48,19 +111,29 @@ def guessed(path: Path) -> CsvTable:
     BadInputError
         If neither is found.
     """
-    with path.open(encoding="utf-8", errors="replace", newline="") as file:
+    with path.open("rb") as raw:
+        encoding = encoding_of(raw.read(4))
+    with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = list(islice(file, _ROWS))
-    delimiter = max(",;\t", key=lambda one: lines[0].count(one) if lines else 0)
-    rows = [row for row in csv.reader(lines, delimiter=delimiter, skipinitialspace=True) if row]
-    header = bool(rows) and not all(is_number(cell) for cell in rows[0])
+    delimiter = _delimiter(lines)
+    rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
+    commas = [cell for row in rows[:200] for cell in row if delimiter != "," in cell]
+    decimal = "," if any(is_number(cell.replace(",", ".", 1)) for cell in commas) else "."
+    rows = [[cell.strip().replace(decimal, ".") for cell in row] for row in rows]
     width = usual_width(rows)
-    body = [row for row in rows[header:] if len(row) == width]
+    first = next((k for k, row in enumerate(rows) if len(row) == width), 0)
+    header = len(rows) > first and not any(is_number(cell) for cell in rows[first])
+    body = [row for row in rows[first + header :] if len(row) == width]
     if len(body) < 2:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
+    head = rows[first] if header else []
     x = np.array([[float(c) if is_number(c) else np.nan for c in row] for row in body])
-    names = _by_name(rows[0]) if header else {}
-    if not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE)):
-        names = _by_numbers(x)
+    dates = [k for k in range(width) if any(is_date(r[k]) and ":" in r[k] for r in body[:100])]
+    names = _by_name(head, x, dates)
+    by_numbers = not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE))
+    if by_numbers:
+        _refuse_partly_named(path, head, names)
+        names = _by_numbers(path, x, names)
     kind = "imu" if set(FORCE) <= set(names) else "fixes"
     wanted = FORCE if kind == "imu" else PLACE
     if "t_s" not in names or not set(wanted) <= set(names):
@@ -70,44 +143,103 @@ def guessed(path: Path) -> CsvTable:
         )
     groups = ("t_s",), wanted, RATE if kind == "imu" else VELOCITY
     places = {n: names[n] for group in groups if set(group) <= set(names) for n in group}
-    fields: dict[str, Any] = {
-        "table": kind,
-        "file": path.name,
-        "header": header,
-        "delimiter": delimiter,
-        "columns": {n: rows[0][k].strip() if header else k + 1 for n, k in places.items()},
-        "units": _units(kind, places, x, rows[0] if header else []),
-    }
-    first_s = x[0, places["t_s"]] * UNITS["s"][fields["units"]["s"]]
-    if fields["units"]["s"] == "date":
-        fields["clock"] = "gps"
-    elif first_s > 1e9:  # s: as GPS time 2011 and later, which loggers rarely use; UTC since 2001
-        fields["clock"] = "utc"
-    return CsvTable(**fields)
+    columns: dict[str, str | int] = {n: head[k] if header else k + 1 for n, k in places.items()}
+    if VELOCITY[2] in places and header and _UP.fullmatch(_plain(head[places[VELOCITY[2]]])):
+        columns[VELOCITY[2]] = f"-{columns[VELOCITY[2]]}"
+    units, unconfirmed = _units(path, kind, places, x, head)
+    unconfirmed += ["columns"] * (by_numbers and header)
+    clock, is_open = _clock(units["s"], places["t_s"], x, head, body)
+    fields: dict[str, Any] = {"clock": clock} if clock != "own" else {}
+    return CsvTable(
+        table="imu" if kind == "imu" else "fixes",
+        file=path.name,
+        header=header,
+        skip_lines=first,
+        delimiter=delimiter,
+        decimal="," if decimal == "," else ".",
+        columns=columns,
+        units=units,
+        unconfirmed=tuple(unconfirmed + ["clock"] * is_open),
+        **fields,
+    )
 
 
-def _by_name(head: list[str]) -> dict[str, int]:
+def _delimiter(lines: list[str]) -> str:
+    """Return what stands between columns: a comma only where nothing else does."""
+    text = "".join(line for line in lines[1:200] or lines if line.strip())
+    return next((one for one in "\t;," if one in text), " ")
+
+
+def _plain(cell: str) -> str:
+    """Return a column's name in lower case, without its unit."""
+    name = _BRACKETS.sub("", cell.strip().lower().lstrip("#% ")).strip()
+    return _ENDING.sub("", name)
+
+
+def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]:
     """Return places of columns by the names in a header."""
-    plain = [_UNIT.sub("", cell.strip().lower()).strip() for cell in head]
+    plain = [_plain(cell) for cell in head]
     places_by_name = {}
     for name, pattern in _NAMES.items():
         places = [k for k, cell in enumerate(plain) if re.fullmatch(pattern, cell)]
+        if name == "t_s":
+            places = [k for k in places if k in dates or _runs(x[:, k])]
+        elif name == VELOCITY[2]:
+            places = places or [k for k, cell in enumerate(plain) if _UP.fullmatch(cell)]
+        if name in (*PLACE, *VELOCITY):
+            places = [k for k in places if not _NO_VALUE.search(plain[k])]
+        if name == PLACE[2]:
+            places.sort(key=lambda k: _ABOVE_SEA.search(plain[k]) is not None)
         if places:
             places_by_name[name] = places[0]
     return places_by_name
 
 
-def _by_numbers(x: FloatArray) -> dict[str, int]:
+def _runs(column: FloatArray) -> bool:
+    """Return True if numbers hardly ever fall, as times do; empty cells are passed over."""
+    finite = column[np.isfinite(column)]
+    return (
+        len(finite) > 1
+        and bool((np.diff(finite) < 0).mean() < _MOST_SHARE_ODD)
+        and bool(finite[-1] != finite[0])
+    )
+
+
+def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> None:
+    """Refuse a header that names some of what is needed: numbers must not decide the rest."""
+    named = [name for name in names if name in FORCE + RATE + PLACE + VELOCITY]
+    if named:
+        raise BadInputError(
+            f"{path}: header must name a time (numbers, or a date and a time of day in one column) "
+            "and all of specific force or of a place, has "
+            f"{quoted(', '.join(head))}, of which {', '.join(named)} are known; describe them in "
+            "[[csv]] of a file for `fgnav import --settings`, docs/own_log.md"
+        )
+
+
+def _by_numbers(path: Path, x: FloatArray, names: dict[str, int]) -> dict[str, int]:
     """Return places of columns by what their numbers do: a time runs on, a force is gravity's."""
     steps = np.diff(x, axis=0)
     runs = [k for k in range(x.shape[1]) if (steps[:, k] <= 0).mean() < _MOST_SHARE_ODD]
-    if not runs:
+    runs = [k for k in runs if np.isfinite(x[:, k]).any()]
+    time = names.get("t_s", runs[0] if runs else None)
+    if time is None:
         return {}
-    columns = {"t_s": runs[0]}
-    triples = [k for k in range(x.shape[1] - 2) if not {k, k + 1, k + 2} & set(runs)]
+    columns = {"t_s": time}
+    triples = [k for k in range(x.shape[1] - 2) if time not in {k, k + 1, k + 2}]
+    triples = [k for k in triples if np.isfinite(x[:, k : k + 3]).any(axis=0).all()]
     lengths = {k: float(np.nanmedian(np.linalg.norm(x[:, k : k + 3], axis=1))) for k in triples}
     near = {k: min(abs(length / size - 1) for size in _GRAVITY) for k, length in lengths.items()}
-    force = min(near, key=near.__getitem__, default=None)
+    places = [k for k in triples if _may_be_places(x[:, k : k + 3])]
+    if places and min(places) <= min(near, key=near.__getitem__):
+        raise BadInputError(
+            f"{path}: columns {places[0] + 1} to {places[0] + 3} may be latitude, longitude, "
+            "height, and no header names them; describe them in [[csv]] of a file for `fgnav "
+            "import --settings`, docs/own_log.md"
+        )
+    triples = [k for k in triples if not {k, k + 1, k + 2} & set(runs)]
+    begin = min((k for k in range(x.shape[1]) if k not in runs), default=0)
+    force = min(triples, key=lambda k: (round(near[k], 2), (k - begin) % 3, k), default=None)
     if force is None or near[force] > _NEAR:
         return columns
     columns |= {name: force + k for k, name in enumerate(FORCE)}
@@ -119,28 +251,98 @@ def _by_numbers(x: FloatArray) -> dict[str, int]:
     return columns
 
 
-def _units(kind: str, places: dict[str, int], x: FloatArray, head: list[str]) -> dict[str, str]:
-    """Return units by what the header says in brackets, else by the size of the numbers."""
+def _may_be_places(block: FloatArray) -> bool:
+    """Return True if three columns may be degrees and metres of a vehicle that moves a little."""
+    largest = np.nanmax(np.abs(block), axis=0)
+    smooth = np.nanmax(np.abs(np.diff(block[:, :2], axis=0)), initial=0.0) < _SMOOTH_DEG
+    fraction = (block[:, :2] % 1e-3 != 0).any()
+    inside = largest[0] <= 90 and largest[1] <= 180 and largest[2] <= _HIGHEST_M
+    return bool(inside and smooth and fraction and np.ptp(block[:, :2], axis=0).any())
+
+
+def _units(
+    path: Path, kind: str, places: dict[str, int], x: FloatArray, head: list[str]
+) -> tuple[dict[str, str], list[str]]:
+    """Return units by the header's names, else by the size of the numbers, and those in doubt."""
     units: dict[str, str] = {}
     for name, place in places.items():
-        bracketed = _UNIT.search(head[place].lower()) if head else None
-        unit = _SPELLINGS.get(bracketed[1].strip(), bracketed[1].strip()) if bracketed else ""
         suffix = name.rsplit("_", 1)[1]
-        if unit in UNITS.get(suffix, {}):
-            units[suffix] = unit
-    if np.isnan(x[:, places["t_s"]]).all():
+        cell = head[place].lower() if head else ""
+        for unit, pattern in _UNIT_NAMES[suffix]:
+            if suffix not in units and re.search(pattern, cell):
+                units[suffix] = unit
+    columns = {
+        suffix: x[:, [p for n, p in places.items() if n.endswith(f"_{suffix}")]]
+        for suffix in ("s", "mps2", "radps", "deg", "m", "mps")
+    }
+    if np.isnan(columns["s"]).all():
         units["s"] = "date"
     elif "s" not in units:
-        step = float(np.nanmedian(np.diff(x[:, places["t_s"]])))
-        longest_s = 0.1 if kind == "imu" else 10.0  # between samples, between fixes
-        fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit] <= longest_s]
-        units["s"] = fits[0] if fits else "s"
-    if kind == "imu" and "mps2" not in units:
-        block = x[:, [places[name] for name in FORCE]]
-        length = float(np.nanmedian(np.linalg.norm(block, axis=1)))
-        units["mps2"] = _GRAVITY[min(_GRAVITY, key=lambda size: abs(np.log(length / size)))]
-    if RATE[0] in places and "radps" not in units:
-        block = np.abs(x[:, [places[name] for name in RATE]])
+        units["s"] = _time_unit(columns["s"][:, 0], 0.1 if kind == "imu" else 10.0)
+    return _imu_units(units, columns) if kind == "imu" else _fix_units(path, units, columns)
+
+
+def _imu_units(
+    units: dict[str, str], columns: dict[str, FloatArray]
+) -> tuple[dict[str, str], list[str]]:
+    """Return units with those of specific force and rates, and those in doubt."""
+    unconfirmed = []
+    length = max(float(np.nanmedian(np.linalg.norm(columns["mps2"], axis=1))), 1e-9)
+    sizes = [size for size, unit in _GRAVITY.items() if units.get("mps2", unit) == unit]
+    size = min(sizes, key=lambda one: abs(np.log(length / one)))
+    units["mps2"] = _GRAVITY[size]
+    unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
+    step = np.nanmedian(np.abs(np.diff(columns["s"][:, 0]))) if units["s"] != "date" else 0.0
+    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]] > _LONG_STEP_S)
+    if columns["radps"].size and "radps" not in units:
         # Vehicles turn less than once a second but for moments: more is degrees.
-        units["radps"] = "deg/s" if np.nanpercentile(block, 99) > 2 * np.pi else "rad/s"
-    return units
+        fast = np.nanpercentile(np.abs(columns["radps"]), 99) > 2 * np.pi
+        units["radps"] = "deg/s" if fast else "rad/s"
+        unconfirmed += ["radps"] * (not fast)
+    return units, unconfirmed
+
+
+def _fix_units(
+    path: Path, units: dict[str, str], columns: dict[str, FloatArray]
+) -> tuple[dict[str, str], list[str]]:
+    """Return units with those of places and velocities, and those in doubt."""
+    unconfirmed = []
+    largest = np.nanmax(np.abs(columns["deg"]), axis=0)
+    if "deg" not in units and 360 < largest.max() <= _MOST_MINUTES:
+        raise BadInputError(
+            f"{path}: latitude and longitude must be degrees or 1e-7 degrees, got numbers up to "
+            f"{largest.max():.9g}; convert degrees and minutes to degrees"
+        )
+    if "deg" not in units and largest.max() > 360:  # as u-blox and MAVLink send them
+        units["deg"] = "1e-7deg"
+        units.setdefault("m", "mm")
+        if columns["mps"].size and "mps" not in units:
+            units["mps"], unconfirmed = "cm/s", ["mps"]
+    elif "deg" not in units and largest[0] <= np.pi / 2 and largest[1] <= np.pi:
+        unconfirmed = ["deg"]
+    return units, unconfirmed
+
+
+def _time_unit(t: FloatArray, longest_s: float) -> str:
+    """Return the unit that makes steps between samples, or fixes, no longer than is usual."""
+    steps = np.diff(t[np.isfinite(t)])
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
+    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit] <= longest_s]
+    return fits[0] if fits else "s"
+
+
+def _clock(
+    unit: str, place: int, x: FloatArray, head: list[str], body: list[list[str]]
+) -> tuple[str, bool]:
+    """Return what times count from, and whether that is in doubt."""
+    name = head[place].lower() if head else ""
+    if unit == "date":
+        is_utc = bool(time_zone(body[0][place])) or "utc" in name
+        return ("utc", False) if is_utc else ("gps", "gps" not in name)
+    t_s = x[:, place] * UNITS["s"][unit]
+    first_s = float(t_s[np.isfinite(t_s)][0])
+    if _WEEK_NAMES.fullmatch(_plain(name)) and first_s <= 604_800:
+        return "week", False
+    if first_s > 1e9:  # as GPS time 2011 and later, which loggers rarely use; UTC since 2001
+        return ("gps" if "gps" in name else "utc"), False
+    return "own", False

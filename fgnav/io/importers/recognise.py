@@ -1,5 +1,6 @@
 """Of which format a file is: by its first bytes, by its name where these say nothing."""
 
+import re
 from pathlib import Path
 
 from fgnav.checks import BadInputError, quoted
@@ -15,7 +16,6 @@ _MAGIC = (
     (b"\x89MCAP0", "mcap"),
     (b"#ROSBAG", "rosbag"),
     (b"SQLite format 3", "rosbag"),
-    (b"MATLAB 5.0", "umn"),
     (b"#c", "sp3"),
     (b"#d", "sp3"),
     (b"\xd3", "rtcm3"),
@@ -27,8 +27,8 @@ _SUFFIXES = {
     ".sbf": "sbf",
     ".gps": "novatel",
     ".rtcm3": "rtcm3",
+    ".nmea": "nmea",
     ".sp3": "sp3",
-    ".mat": "umn",
     ".bin": "ardupilot",
     ".gz": "rinex",
     ".crx": "rinex",
@@ -62,8 +62,10 @@ def recognised(path: Path) -> str:
     lines = head.split(b"\n")
     if any(mark in lines[0] for mark in (b"RINEX VERSION / TYPE", b"CRINEX VERS")):
         return "rinex"
-    if any(line.startswith(b"%") and b" Q " in line for line in lines):
+    if any(line.startswith(b"%") and re.search(rb"[ ,;\t]Q[ ,;\t]", line) for line in lines):
         return "pos"
+    if any(re.match(rb"\$[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]),", one) for one in lines):
+        return "nmea"
     named = _SUFFIXES.get(path.suffix.lower())
     if named is None:
         raise UnknownFormatError(

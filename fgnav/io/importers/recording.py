@@ -1,18 +1,23 @@
 """What one foreign file holds: tables of samples under the flight format's own column names."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
-from fgnav.io.flight.columns import largest
+from fgnav.io.flight.columns import PLACE, largest
 from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
 from fgnav.types.flight import TruthSource
 
 Samples: TypeAlias = Mapping[str, FloatArray]
+# After which counters begin anew: 32 bits of ns, us and ms; a day, a week.
+_PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
+_NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
+_SHARED = 0.1  # of samples, that have the timestamp of the one before: fewer are repeated rows
+_MOST_SET_BACK = 1000  # rows of a clock that was set back for a while
 Clock: TypeAlias = Literal["gps", "week", "own"]
 
 
@@ -57,7 +62,8 @@ class Recording:
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Reject a file without anything, and tables whose columns are not the flight format's."""
+        """Drop losses of nothing; reject an empty file, and columns that no flight has."""
+        object.__setattr__(self, "losses", tuple(one for one in self.losses if one.count))
         files = (*self.observations, *self.navigation, *self.orbits)
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
@@ -74,44 +80,112 @@ class Recording:
                 )
 
 
-def cleaned(kind: str, table: Samples, source: Path) -> tuple[dict[str, FloatArray], list[Loss]]:
-    """Return the rows that a flight can have, and what was left out.
+def cleaned(recording: Recording) -> Recording:
+    """Return a recording of the rows that a flight can have, the others counted.
 
-    Parameters
-    ----------
-    kind : str
-        Of the table, for texts.
-    table : mapping of str to ndarray, shape (k,)
+    Times that wrapped go on. Samples that share their timestamps are spread over the time to the
+    next one, and ``missing`` has a text of it.
 
     Raises
     ------
     BadInputError
-        If no row is left.
+        If a table has no usable row.
     """
-    good: BoolArray = np.ones(len(table["t_s"]), bool)
-    for name, column in table.items():
-        good &= np.abs(column) <= largest(name)  # false of NaN, too
-        if name.startswith("sigma"):
-            good &= column >= LEAST_SIGMA
-    t_s = table["t_s"][good]
+    tables, losses, missing = {}, list(recording.losses), dict(recording.missing)
+    source = recording.source
+    for kind, table in recording.tables.items():
+        good: BoolArray = np.ones(len(table["t_s"]), bool)
+        for name, column in table.items():
+            good &= np.abs(column) <= largest(name)  # false of NaN, too
+            if name.startswith("sigma"):
+                good &= column >= LEAST_SIGMA
+        counts = {"a value is missing, or no instrument has it": int((~good).sum())}
+        if PLACE[0] in table:
+            nowhere = good & (table[PLACE[0]] == 0) & (table[PLACE[1]] == 0)
+            counts["latitude and longitude are 0: the receiver had no fix"] = int(nowhere.sum())
+            good &= ~nowhere
+        t_s = _unwrapped(table["t_s"][good])
+        if kind == "imu" and (np.diff(t_s) == 0).sum() > _SHARED * len(t_s):
+            t_s, longest_s = _spread(t_s)
+            text = (
+                f"{source.name}: several samples share a timestamp; they were spread from it to "
+                f"the next one. Where it is the last sample's, add -{longest_s:.3g} s to "
+                "clock_offset_s"
+            )
+            missing["imu.samples"] = "\n".join(filter(None, (missing.get("imu.samples"), text)))
+        later = _in_order(t_s)
+        counts["its time does not increase"] = int((~later).sum())
+        if not later.any():
+            raise BadInputError(
+                f"{source}: {kind}: no row is usable of {len(good)}; look at columns and units"
+            )
+        losses += [
+            Loss(what=f"{kind} row", reason=f"{reason} ({source.name})", count=count)
+            for reason, count in counts.items()
+        ]
+        tables[kind] = {name: np.asarray(column)[good][later] for name, column in table.items()}
+        tables[kind]["t_s"] = t_s[later]
+    return replace(recording, tables=tables, losses=tuple(losses), missing=missing)
+
+
+def _unwrapped(t_s: FloatArray) -> FloatArray:
+    """Return times without the steps back of counters that began anew."""
+    step_s = np.diff(t_s)
+    usual_s = float(np.median(np.abs(step_s))) if len(step_s) else 0.0
+    for period_s in _PERIODS_S:
+        most_s = min(_NEAR_STEPS * usual_s, _MOST_OF_PERIOD * period_s)
+        wraps = (step_s > -period_s) & (step_s <= most_s - period_s)
+        if wraps.any():
+            t_s = t_s + period_s * np.concatenate([[0], np.cumsum(wraps)])
+            step_s = np.diff(t_s)
+    return t_s
+
+
+def _spread(t_s: FloatArray) -> tuple[FloatArray, float]:
+    """Return times of samples between one timestamp and the next, and the longest delay."""
+    first = np.flatnonzero(np.diff(t_s, prepend=-np.inf) != 0)
+    counts = np.diff(first, append=len(t_s))
+    length_s = np.diff(t_s[first])
+    last_s = counts[-1] * np.median(length_s / counts[:-1]) if len(length_s) else 0.0
+    step_s = np.maximum(np.append(length_s, last_s), 0.0) / counts
+    within = np.arange(len(t_s)) - np.repeat(first, counts)
+    delay_s = within * np.repeat(step_s, counts)
+    return t_s + delay_s, float(np.median(step_s * (counts - 1)))
+
+
+def _in_order(t_s: FloatArray) -> BoolArray:
+    """Return which rows are later than all before, without those of a clock that was set back.
+
+    Such a clock is taken until a step forward makes up for half of what it lost or more.
+    """
     latest_s = np.maximum.accumulate(t_s)
     later = np.ones(len(t_s), bool)
     later[1:] = t_s[1:] > latest_s[:-1]
-    losses = [
-        Loss(what=f"{kind} row", reason=f"{reason} ({source.name})", count=int(count))
-        for reason, count in (
-            ("a value is missing, or no instrument has it", (~good).sum()),
-            ("its time does not increase", (~later).sum()),
-        )
-        if count
-    ]
-    if not later.any():
-        raise BadInputError(
-            f"{source}: {kind}: no row is usable of {len(good)}; look at columns and units"
-        )
-    return {name: np.asarray(column)[good][later] for name, column in table.items()}, losses
+    step_s = np.diff(t_s)
+    usual_s = float(np.median(np.abs(step_s))) if len(step_s) else 0.0
+    for start in np.flatnonzero(step_s < 0) + 1:
+        lost_s = latest_s[start - 1] - t_s[start]
+        ahead = step_s[start : start + _MOST_SET_BACK]
+        made_up = np.flatnonzero((ahead > lost_s / 2) & (ahead > 1.5 * usual_s))
+        if len(made_up) and t_s[start + made_up[0] + 1] > latest_s[start - 1]:
+            later[start : start + made_up[0] + 1] = False
+    return later
+
+
+def samples(t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray]) -> Samples:
+    """Return a table of times and of blocks, (k, c) or (k,), under their columns' names."""
+    table: dict[str, FloatArray] = {"t_s": np.asarray(t_s, np.float64)}
+    for names, block in blocks:
+        table |= vectors(names, block.reshape(len(t_s), len(names)))
+    return table
 
 
 def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
     """Return columns by name of a block, (k, c)."""
     return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
+
+
+def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Loss:
+    """Return the one loss of a file's columns that are not used."""
+    what = f"{source.name} column{'s' * (len(names) > 1)} {', '.join(names)}"
+    return Loss(what=what, reason=reason, count=rows if names else 0)

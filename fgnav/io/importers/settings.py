@@ -16,10 +16,15 @@ Kind = Literal["imu", "fixes", "barometer", "magnetometer", "truth"]
 UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0},
     "mps2": {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3},  # standard gravity, exact
-    "radps": {"rad/s": 1.0, "deg/s": 0.017453292519943295},
+    "radps": {
+        "rad/s": 1.0,
+        "deg/s": 0.017453292519943295,
+        "mrad/s": 1e-3,
+        "mdeg/s": 1.7453292519943295e-5,
+    },
     "deg": {"deg": 1.0, "rad": 57.29577951308232, "1e-7deg": 1e-7},
     "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},  # international foot, exact
-    "mps": {"m/s": 1.0, "cm/s": 1e-2, "km/h": 1 / 3.6, "kt": 1852 / 3600},
+    "mps": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "kt": 1852 / 3600},
     "ut": {"uT": 1.0, "nT": 1e-3, "T": 1e6, "G": 100.0, "mG": 0.1},
 }
 
@@ -28,7 +33,9 @@ class CsvTable(Table, frozen=True, kw_only=True):
     """``[[csv]]``: one table of samples in a text file of columns.
 
     ``columns``: for each column of the flight format, the file's by name, or by number from 1; a
-    leading minus turns the sign. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
+    leading minus reverses the sign. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
+    ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units,
+    ``clock`` or ``columns``, that ``fgnav new`` has guessed without evidence.
     """
 
     table: Kind
@@ -36,10 +43,12 @@ class CsvTable(Table, frozen=True, kw_only=True):
     file: str | None = None
     units: dict[str, str] = msgspec.field(default_factory=dict)
     delimiter: str = ","
+    decimal: Literal[".", ","] = "."
     header: bool = True
     skip_lines: int = 0
     clock: Literal["own", "gps", "week", "utc"] = "own"
     start: str | None = None
+    unconfirmed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check columns against those of the flight format, and units."""

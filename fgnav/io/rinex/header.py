@@ -1,7 +1,7 @@
 """The head of a RINEX file: what kind it is, and which observation types its lines hold."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -10,8 +10,9 @@ import numpy as np
 from fgnav.checks import BadInputError, quoted
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.text import Bytes
+from fgnav.io.tables import is_number
 
-MAX_TYPES = 63  # RTKLIB ignores the types above
+MAX_TYPES = 99  # more than any receiver tracks
 _TYPE_2 = re.compile(r"[CLPDS][1-9A-Z]")
 _TYPE_3 = re.compile(r"[CLDSIX][0-9][A-Z0-9]?")
 _VERSIONS = {2: (2.00, 2.11), 3: (3.00, 3.05), 4: (4.00, 4.02)}
@@ -25,7 +26,6 @@ class Header:
     """What the head of a RINEX file says."""
 
     path: Path
-    kind: Kind
     version: float
     system: str  # letter of the constellation, ``M`` for mixed
     # observation types by letter of the constellation; all letters share one tuple in RINEX 2
@@ -38,6 +38,8 @@ class Header:
     # size, lines: bytes and lines of the head, its last line included
     size: int
     lines: int
+    # divisor of values by constellation and type, 1 where absent
+    scales: dict[tuple[str, str], int] = field(default_factory=dict)
 
 
 def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
@@ -61,6 +63,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
     version, system = _version(path, lines[0], kind)
     labelled = [(number, line[:60], line[60:].strip()) for number, line in enumerate(lines, 1)]
     types: dict[str, tuple[str, ...]] = {}
+    scales: dict[tuple[str, str], int] = {}
     time_system = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}.get(system, "GPS")
     if kind == "observations":
         if version < 3:
@@ -75,10 +78,9 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
             raise BadInputError(
                 f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {quoted(time_system)}"
             )
-        _refuse_rescaled(path, labelled)
+        scales = _scales(path, labelled, types)
     return Header(
         path=path,
-        kind=kind,
         version=version,
         system=system,
         types=types,
@@ -88,6 +90,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         klobuchar=_klobuchar(path, labelled),
         size=size,
         lines=len(lines),
+        scales=scales,
     )
 
 
@@ -218,16 +221,31 @@ def _check_types(
             )
 
 
-def _refuse_rescaled(path: Path, labelled: list[tuple[int, str, str]]) -> None:
-    """Refuse heads that change the meaning of the numbers; RTKLIB would not notice."""
+def _scales(
+    path: Path, labelled: list[tuple[int, str, str]], types: dict[str, tuple[str, ...]]
+) -> dict[tuple[str, str], int]:
+    """Return the factors that values of types were multiplied by; refuse phases in half cycles."""
+    scales = {}
+    letter, factor = "", 1
     for number, line, label in labelled:
-        scaled = label == "SYS / SCALE FACTOR" and line[2:6].strip() not in ("", "1")
-        halved = label == "WAVELENGTH FACT L1/2" and "2" in line[:12]
-        if scaled or halved:
+        if label == "WAVELENGTH FACT L1/2" and "2" in line[:12]:
             raise BadInputError(
                 f"{path}: line {number}: {label} must be 1, got "
                 f"{quoted(line.strip())}; convert the file"
             )
+        if label != "SYS / SCALE FACTOR":
+            continue
+        if line[0] != " ":
+            letter, text = line[0], line[2:6].strip()
+            if text not in ("", "1", "10", "100", "1000"):
+                raise BadInputError(
+                    f"{path}: line {number}: {label} must be 1, 10, 100 or 1000, got "
+                    f"{quoted(text)}; repair the line"
+                )
+            factor = int(text or "1")
+        for name in line[10:58].split() or types.get(letter, ()):
+            scales[letter, name] = factor
+    return scales
 
 
 def _last_us(path: Path, labelled: list[tuple[int, str, str]]) -> int | None:
@@ -252,10 +270,7 @@ def _interval_s(labelled: list[tuple[int, str, str]]) -> float | None:
     """Return the announced time between epochs; None where it is absent, zero or no number."""
     for _, line, label in labelled:
         if label == "INTERVAL":
-            try:
-                interval_s = float(line[:10])
-            except ValueError:
-                return None
+            interval_s = float(line[:10]) if is_number(line[:10]) else 0.0
             return interval_s if 0 < interval_s < np.inf else None
     return None
 

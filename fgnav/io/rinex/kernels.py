@@ -1,30 +1,43 @@
-"""Compiled scans of RINEX bodies: every character looked at, nothing decoded but what is counted.
+"""Compiled scans of RINEX bodies: every character is looked at, and every value taken.
 
-Each scan fills arrays it is given and returns how far it came. ``problem`` is (code, line, column,
-number): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
+Each scan fills arrays it is given and returns how far it came. ``problem`` is (code, line,
+column): code 0 says all is well, the others are explained in ``scan.PROBLEMS``.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex.text import Bytes
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 # Columns of the table of epochs and events.
-TICKS, FLAG, ANNOUNCED, KEPT, LINE, START, END = range(7)
+TICKS, FLAG, ANNOUNCED, LINE, START, END = range(6)
 
 _BLANK, _DOT, _MINUS, _ZERO, _NINE, _NEWLINE, _GREATER = 32, 46, 45, 48, 57, 10, 62
 
 
 class Scanned(NamedTuple):
-    """What a body holds."""
+    """What a body holds; records are those of satellites in use, one a satellite and epoch."""
 
-    tally: IntArray  # (128, types, 3), see ``_fields``
+    tally: IntArray  # (128, types), values other than zero of satellites in use
     satellites: IntArray  # (128, 100), records of each satellite
-    epochs: IntArray  # (k, 7), one row per epoch or event; more rows than '>' in the body
+    epochs: IntArray  # (k, 6), one row per epoch or event; more rows than there are
+    taken: IntArray  # (1,), number of records
+    records: IntArray  # (r, 3), row of the epoch, letter, number
+    signals: IntArray  # (r, 3), by carrier: number of the signal whose code it is, from 1 on; 0
+    values: FloatArray  # (r, 3, 4), by carrier: code, phase, Doppler, density; 0: not measured
+    locks: IntArray  # (r, 3), loss-of-lock indicators of phases
+
+
+class Plan(NamedTuple):
+    """What becomes of each field."""
+
+    limits: IntArray  # (128, 2), by letter: types announced (0: none), highest number in use
+    fields: IntArray  # (128, types, 3): carrier or -1, place in its values, number of the signal
+    units: FloatArray  # (128, types): thousandths in a unit, times the header's scale factor
 
 
 @kernel
@@ -120,34 +133,49 @@ def _ticks(text: Bytes, p: int, year_width: int, stop: int) -> int:
     return (((day_number * 24 + hour) * 60 + minute) * 60 + second) * TICKS_PER_S + fraction
 
 
+@inlined
+def _indicators(text: Bytes, p: int, stop: int) -> int:
+    """Return the loss-of-lock indicator behind a value; below 0: minus the broken column from 1."""
+    lock = 0
+    if p + 14 < stop and text[p + 14] != _BLANK:
+        lock = text[p + 14] - _ZERO
+        if lock < 0 or lock > 9:
+            return -15
+    if p + 15 < stop and not (text[p + 15] == _BLANK or _ZERO <= text[p + 15] <= _NINE):
+        return -16
+    return lock
+
+
 @inner
 def _fields(  # a kernel: every argument is an array or a place in one
-    text: Bytes, start: int, stop: int, tally: IntArray, first: int, count: int, used: bool
+    text: Bytes, start: int, stop: int, first: int, count: int, plan: Plan, into: Scanned
 ) -> int:
-    """Check and count ``count`` fields of 16 columns; return the broken column, -1 if none.
+    """Check and take ``count`` fields of 16 columns; return the broken column, -1 if none.
 
-    ``tally`` (types, 3) gets, of the satellites in use, the number of values other than zero, their
-    sum in thousandths and the sum of loss-of-lock indicators: what RTKLIB must then have decoded.
+    They are types ``first`` and following of the constellation of the record that is begun; letter
+    0 there: they are only checked. Of several codes of a carrier the one with the lowest number
+    stays.
     """
+    r = into.taken[0]
+    letter = into.records[r, 1]
     for k in range(count):
         p = start + 16 * k
         if p >= stop:
             return -1
         value, state = _thousandths(text, p, stop)
-        if state == 2:
-            return p - start
-        lock = 0
-        if p + 14 < stop and text[p + 14] != _BLANK:
-            lock = text[p + 14] - _ZERO
-            if lock < 0 or lock > 9:
-                return p + 14 - start
-        if p + 15 < stop and not (text[p + 15] == _BLANK or _ZERO <= text[p + 15] <= _NINE):
-            return p + 15 - start
-        if used:
-            row = tally[first + k]
-            row[0] += value != 0
-            row[1] += value
-            row[2] += lock & 3
+        lock = 0 if state == 2 else _indicators(text, p, stop)
+        if state == 2 or lock < 0:
+            return p - start + (0 if state == 2 else -lock - 1)
+        carrier, place, signal = plan.fields[letter, first + k]
+        into.tally[letter, first + k] += value != 0
+        if carrier < 0:
+            continue
+        if place == 1:
+            into.locks[r, carrier] |= lock & 3
+        earlier = into.signals[r, carrier]
+        if value != 0 and (place != 0 or earlier == 0 or signal < earlier):
+            into.values[r, carrier, place] = value / plan.units[letter, first + k]
+            into.signals[r, carrier] = signal if place == 0 else earlier
     return 16 * count if stop > start + 16 * count else -1
 
 
@@ -161,51 +189,44 @@ def _epoch_problem(row: IntArray, last: int) -> int:
 
 
 @inner
-def _line_problem(text: Bytes, p: int) -> int:
-    """Return 4 if there is no line any more, 5 if it is cut, 0 if it is there."""
-    if p >= len(text):
-        return 4
-    return 5 if line_end(text, p) == len(text) else 0
+def _begin_record(
+    letter: int, number: int, seen: IntArray, plan: Plan, into: Scanned, epoch: int
+) -> int:
+    """Begin a satellite's record, if it is in use; return 7 if the epoch has it already, else 0."""
+    if seen[letter, number] == epoch:
+        return 7
+    seen[letter, number] = epoch
+    into.satellites[letter, number] += 1
+    r = into.taken[0]
+    into.records[r, 0], into.records[r, 1], into.records[r, 2] = epoch, 0, number
+    if number <= plan.limits[letter, 1]:
+        into.records[r, 1] = letter
+    return 0
 
 
 @inlined
 def _satellite_3(
-    text: Bytes, p: int, limits: IntArray, tally: IntArray, found: IntArray, problem: IntArray
+    text: Bytes, p: int, seen: IntArray, plan: Plan, into: Scanned, epoch: int, problem: IntArray
 ) -> None:
-    """Check and count one satellite's line.
-
-    ``found`` gets the letter, the number and whether the satellite is in use.
-    """
+    """Check and take one satellite's line."""
     stop = trimmed(text, p, line_end(text, p))
     letter, number = text[p], whole(text, p + 1, p + 3, stop)
-    types = limits[letter, 0] if letter < 128 else 0
+    types = plan.limits[letter, 0] if letter < 128 else 0
     if letter == _GREATER:
         problem[0] = 4
     elif types == 0 or number < 1:
         problem[0] = 6
     else:
-        found[0], found[1], found[2] = letter, number, number <= limits[letter, 1]
-        column = _fields(text, p + 3, stop, tally[letter], 0, types, found[2] == 1)
-        if column >= 0:
-            problem[0], problem[2] = 8, column + 4
-
-
-@inner
-def _count_satellite(
-    found: IntArray, seen: IntArray, satellites: IntArray, row: IntArray, epoch: int
-) -> int:
-    """Count a satellite's record; return 7 if the epoch has it already, else 0."""
-    letter, number = found[0], found[1]
-    if seen[letter, number] == epoch:
-        return 7
-    seen[letter, number] = epoch
-    satellites[letter, number] += 1
-    row[KEPT] += found[2]
-    return 0
+        problem[0] = _begin_record(letter, number, seen, plan, into, epoch)
+        if problem[0] == 0:
+            column = _fields(text, p + 3, stop, 0, types, plan, into)
+            if column >= 0:
+                problem[0], problem[2] = 8, column + 4
+            into.taken[0] += number <= plan.limits[letter, 1]
 
 
 @kernel
-def scan_3(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, problem: IntArray) -> int:
+def scan_3(text: Bytes, start: IntArray, plan: Plan, into: Scanned, problem: IntArray) -> int:
     """Scan the body of a RINEX 3 or 4 observation file.
 
     Parameters
@@ -213,38 +234,35 @@ def scan_3(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, proble
     text : ndarray of uint8
     start : ndarray, (2,)
         Offset of the body, number of its first line.
-    limits : ndarray, (128, 2)
-        By letter: observation types announced (0: none), highest satellite number in use.
+    plan : Plan
+        What becomes of each field.
     into : Scanned
         Filled.
-    problem : ndarray, (4,)
+    problem : ndarray, (3,)
 
     Returns
     -------
     int
         Rows filled.
     """
-    tally, satellites, epochs = into
     p, line, n, last = start[0], start[1], 0, -1
-    seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
+    seen = np.full((128, 100), -1, np.int64)
     while p < len(text):
         newline = line_end(text, p)
         stop = trimmed(text, p, newline)
-        row = epochs[n]
+        row = into.epochs[n]
         row[TICKS], row[FLAG] = _ticks(text, p + 2, 4, stop), whole(text, p + 31, p + 32, stop)
         row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 32, p + 35, stop), line, p
         problem[1], problem[2] = line, 0
         well_begun = text[p] == _GREATER and stop >= p + 32
         problem[0] = _epoch_problem(row, last) if well_begun else 1
         p, line = newline + 1, line + 1
-        for k in range(row[ANNOUNCED]):
+        for _ in range(row[ANNOUNCED]):
             if problem[0]:
                 return n
-            problem[0], problem[1], problem[3] = _line_problem(text, p), line, k
+            problem[0], problem[1] = (4 if p >= len(text) else 0), line
             if problem[0] == 0 and row[FLAG] <= 1:
-                _satellite_3(text, p, limits, tally, found, problem)
-                if problem[0] == 0:
-                    problem[0] = _count_satellite(found, seen, satellites, row, n)
+                _satellite_3(text, p, seen, plan, into, n, problem)
             p, line = line_end(text, p) + 1, line + 1
         if problem[0]:
             return n
@@ -274,30 +292,31 @@ def _satellites_2(text: Bytes, p: int, count: int, ids: IntArray) -> tuple[int, 
             newline = line_end(text, p)
         q = p + 32 + 3 * (k % 12)
         number = whole(text, q + 1, q + 3, newline)
-        if newline >= len(text) or number < 1 or text[q] > 127:
+        if q + 3 > newline or number < 1 or text[q] > 127:
             return -1, lines
         ids[k, 0] = 71 if text[q] == _BLANK else text[q]  # blank means GPS
         ids[k, 1] = number
-    return (newline + 1 if count else line_end(text, p) + 1), max(lines, 1)
+    return (newline if count else line_end(text, p)) + 1, max(lines, 1)
 
 
 @inner
 def _satellite_2(
-    text: Bytes, place: IntArray, types: int, rows: IntArray, used: bool, problem: IntArray
+    text: Bytes, place: IntArray, letter: int, plan: Plan, into: Scanned, problem: IntArray
 ) -> None:
-    """Check the lines of one satellite, five fields each, and count their values into ``rows``.
+    """Check and take the lines of one satellite, five fields each.
 
-    ``place`` is the offset and the number of the line, and moves on; with 0 ``types`` it passes one
+    ``place`` is the offset and the number of the line, and moves on; with letter 0 it passes one
     line that is not looked at.
     """
+    types = plan.limits[letter, 0]
     for first in range(0, max(types, 1), 5):
         p = place[0]
-        problem[0], problem[1], problem[2] = _line_problem(text, p), place[1], 0
+        problem[0], problem[1], problem[2] = (4 if p >= len(text) else 0), place[1], 0
         if problem[0]:
             return
         newline = line_end(text, p)
         stop = trimmed(text, p, newline)
-        column = _fields(text, p, stop, rows, first, min(5, types - first), used)
+        column = _fields(text, p, stop, first, min(5, types - first), plan, into)
         if types and column >= 0:
             problem[0], problem[2] = 8, column + 1
             return
@@ -305,16 +324,15 @@ def _satellite_2(
 
 
 @kernel
-def scan_2(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, problem: IntArray) -> int:
+def scan_2(text: Bytes, start: IntArray, plan: Plan, into: Scanned, problem: IntArray) -> int:
     """Scan the body of a RINEX 2 observation file; arguments as of ``scan_3``."""
-    tally, satellites, epochs = into
     place, n, last = start.copy(), 0, -1
-    seen, found = np.full((128, 100), -1, np.int64), np.zeros(3, np.int64)
+    seen = np.full((128, 100), -1, np.int64)
     ids = np.zeros((1000, 2), np.int64)
     while place[0] < len(text):
         p = place[0]
         stop = trimmed(text, p, line_end(text, p))
-        row = epochs[n]
+        row = into.epochs[n]
         row[TICKS], row[FLAG] = _ticks(text, p + 1, 2, stop), whole(text, p + 28, p + 29, stop)
         row[FLAG] = 0 if row[FLAG] == -1 else row[FLAG]  # blank means 0
         row[ANNOUNCED], row[LINE], row[START] = whole(text, p + 29, p + 32, stop), place[1], p
@@ -329,21 +347,17 @@ def scan_2(text: Bytes, start: IntArray, limits: IntArray, into: Scanned, proble
             problem[0] = 6
             return n
         for k in range(row[ANNOUNCED]):
-            types = 0
-            if listed:
-                found[0], found[1] = ids[k, 0], ids[k, 1]
-                types = limits[found[0], 0]
-                found[2] = types > 0 and row[FLAG] <= 1 and found[1] <= limits[found[0], 1]
-                problem[0] = 0 if types else 6
+            letter = ids[k, 0] if listed else 0
+            problem[0] = 6 if listed and plan.limits[letter, 0] == 0 else 0
+            into.records[into.taken[0], 1] = 0
             if row[FLAG] <= 1 and problem[0] == 0:
-                problem[0] = _count_satellite(found, seen, satellites, row, n)
+                problem[0] = _begin_record(letter, ids[k, 1], seen, plan, into, n)
             if problem[0]:
                 return n
-            problem[3] = k
-            used = listed and found[2] == 1
-            _satellite_2(text, place, types, tally[found[0]], used, problem)
+            _satellite_2(text, place, letter, plan, into, problem)
             if problem[0]:
                 return n
+            into.taken[0] += row[FLAG] <= 1 and ids[k, 1] <= plan.limits[letter, 1]
         if row[FLAG] <= 1:
             last = row[TICKS]
         row[END] = min(place[0], len(text))

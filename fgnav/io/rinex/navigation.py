@@ -1,13 +1,13 @@
-"""Strict check of a RINEX navigation file, which also sorts out what RTKLIB can decode."""
+"""Strict reading of a RINEX navigation file: messages that are used, and the count of others."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, IntArray, Loss, quoted
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.navigation_lines import BrokenLineError, messages
+from fgnav.io.rinex.navigation_lines import BrokenLineError, messages, numbers
 from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
 from fgnav.io.rinex.text import Bytes
 
@@ -16,10 +16,11 @@ _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class NavigationScan:
-    """The messages of a navigation file that can be decoded, and the count of the others."""
+    """The messages of a navigation file that are used, and the count of the others."""
 
     satellites: NDArray[np.str_]  # (k,); RINEX names, in the order of the file
-    text: Bytes  # a RINEX file of these messages alone
+    clock_times_s: FloatArray  # (k,); since 1980-01-06, in the constellation's own time
+    numbers: FloatArray  # (k, 31); three of the clock, then seven lines of four
     klobuchar: NDArray[np.float64]  # (8,); GPS ionosphere, alpha and beta
     losses: tuple[Loss, ...]  # what stands in the file and is not used
 
@@ -32,7 +33,13 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
     default = header.system if header.version < 3 else ""
     try:
         found = list(
-            messages(text.tobytes(), header.size, header.lines + 1, int(header.version), default)
+            messages(
+                text.tobytes().rstrip(b"\x1a\0"),
+                header.size,
+                header.lines + 1,
+                int(header.version),
+                default,
+            )
         )
     except BrokenLineError as error:
         raise BadInputError(
@@ -45,13 +52,14 @@ def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
         raise BadInputError(
             f"{header.path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none"
         )
-    keep = np.zeros(len(text) + 1, np.int8)
-    np.add.at(keep, places[decodable, 0], 1)
-    np.add.at(keep, places[decodable, 1], -1)
-    body = text[np.cumsum(keep[:-1]).astype(bool)]
+    content = text.tobytes()
+    starts = places[decodable, 0].tolist()
+    if header.version >= 4:  # a line names the record
+        starts = [content.index(b"\n", start) + 1 for start in starts]
     return NavigationScan(
         satellites=names[decodable],
-        text=np.concatenate([_head(header, text), body]),
+        clock_times_s=np.array([one.clock_time_s for one in found])[decodable],
+        numbers=np.array([numbers(content, start, int(header.version)) for start in starts]),
         klobuchar=_klobuchar(header, text),
         losses=losses,
     )
@@ -79,14 +87,14 @@ def _sorted_out(
         limit = KNOWN_SATELLITES.get(name[0])
         if record[0] != "EPH":
             reasons.append((f"{record[0]} record", "not an ephemeris"))
-        elif limit is None or name[0] == "R":  # RTKLIB keeps these apart
+        elif limit is None or name[0] == "R":
             reasons.append(
                 (f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used")
             )
         elif record[1:] and record[1] not in _DECODED:
-            reasons.append((f"{name[0]} {record[1]} message", "type unknown to RTKLIB's reader"))
+            reasons.append((f"{name[0]} {record[1]} message", "type not used"))
         elif int(name[1:]) > limit:
-            reasons.append((f"{name} message", "satellite unknown to RTKLIB"))
+            reasons.append((f"{name} message", "of a number that is not used"))
         else:
             reasons.append(("", ""))
     counts: dict[tuple[str, str], int] = {}
@@ -94,15 +102,6 @@ def _sorted_out(
         counts[reason] = counts.get(reason, 0) + 1
     losses = [Loss(what=w, reason=r, count=c) for (w, r), c in sorted(counts.items()) if w]
     return np.array([not what for what, _ in reasons]), tuple(losses)
-
-
-def _head(header: Header, text: Bytes) -> Bytes:
-    """Return a head for the decodable messages: RINEX 4 becomes the RINEX 3 that RTKLIB knows."""
-    if header.version < 4:
-        return text[: header.size]
-    lines = "     3.05           NAVIGATION DATA     M                   RINEX VERSION / TYPE\n"
-    lines += f"{'':60s}END OF HEADER\n"
-    return np.frombuffer(lines.encode("ascii"), np.uint8)
 
 
 def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:

@@ -15,6 +15,7 @@ _WIDTH = 19  # of a field
 _REQUIRED = ((1, 2, 3), *[(0, 1, 2, 3)] * 4, (0, 2), (1, 2), ())
 _USUAL = re.compile(rb"(?:(?: [ \d+-]|[+-]\d)\.\d{12}[DEde][+-]\d\d){0,4}")
 _NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[DEde][+-]\d\d?)?")
+_EXPONENT = bytes.maketrans(b"Dd", b"EE")
 _DECODED = re.compile(rb"> EP.{6}(?:[LIF]N|D[12]$)")  # RINEX 4 messages laid out as in RINEX 3
 
 
@@ -27,11 +28,12 @@ class BrokenLineError(Exception):
 
 
 class Message(NamedTuple):
-    """Where a record stands, offsets in the text, and of which satellite it is."""
+    """Where a record stands, offsets in the text, and of which satellite and time it is."""
 
     start: int
     end: int
     satellite: str
+    clock_time_s: float  # since 1980-01-06
 
 
 def messages(text: bytes, start: int, line: int, version: int, default: str) -> Iterator[Message]:
@@ -64,18 +66,30 @@ def messages(text: bytes, start: int, line: int, version: int, default: str) -> 
             announced = _name(content, 6)
             q, line = after, line + 1
         if version < 4 or _DECODED.match(content):
-            satellite = _satellite(_line(text, q)[0], version, default)
-            if satellite is None or announced not in ("", satellite):
+            satellite, time_s = _satellite(_line(text, q)[0], version, default)
+            if not satellite or announced not in ("", satellite):
                 raise BrokenLineError(line, "a message must start here with its satellite and time")
             rows = _ROWS[satellite[0]]
             end = _checked(text, q, line, rows, 3 if version == 2 else 4)
             if version == 3 and satellite[0] == "R" and text[end : end + 1] == b" ":
                 end, rows = _line(text, end)[1], rows + 1  # fifth line since RINEX 3.05
         else:
-            satellite, end = announced, _next_record(text, q)
+            satellite, end, time_s = announced, _next_record(text, q), 0.0
             rows = text.count(b"\n", q, end)
-        yield Message(p, end, satellite)
+        yield Message(p, end, satellite, time_s)
         p, line = end, line + rows
+
+
+def numbers(text: bytes, p: int, version: int) -> list[float]:
+    """Return the 31 numbers of a checked message of eight lines; blank is 0."""
+    shift = 3 if version == 2 else 4
+    first, p = _line(text, p)
+    fields = [first[k : k + _WIDTH] for k in range(shift + _WIDTH, shift + 4 * _WIDTH, _WIDTH)]
+    for _ in range(7):
+        line, p = _line(text, p)
+        fields += [line[k : k + _WIDTH] for k in range(shift, shift + 4 * _WIDTH, _WIDTH)]
+    values = (field.translate(_EXPONENT).strip() for field in fields)
+    return [float(value or b"0") for value in values]
 
 
 def _line(text: bytes, p: int) -> tuple[bytes, int]:
@@ -97,8 +111,8 @@ def _name(line: bytes, start: int) -> str:
     return f"{letter}{max(_whole(line, start + 1, 2), 0):02d}"
 
 
-def _satellite(line: bytes, version: int, default: str) -> str | None:
-    """Return the satellite of a message's first line, None where no satellite and date are."""
+def _satellite(line: bytes, version: int, default: str) -> tuple[str, float]:
+    """Return satellite and time of a message's first line, "" where no satellite and date are."""
     name = f"{default}{max(_whole(line, 0, 2), 0):02d}" if version == 2 else _name(line, 0)
     p, width = (3, 2) if version == 2 else (4, 4)
     year = _whole(line, p, width)
@@ -106,11 +120,12 @@ def _satellite(line: bytes, version: int, default: str) -> str | None:
         year += 1900 if year >= 80 else 2000
     month, day, hour, minute, second = (_whole(line, p + width + 1 + 3 * k, 2) for k in range(5))
     try:
-        fits = date(year, month, day) >= _FIRST_DAY
+        days = (date(year, month, day) - _FIRST_DAY).days
     except ValueError:
-        return None
-    fits = fits and 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61
-    return name if fits and name[0] in _ROWS and name[1:] != "00" else None
+        return "", 0.0
+    fits = days >= 0 and 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61
+    is_used = fits and name[0] in _ROWS and name[1:] != "00"
+    return name if is_used else "", 86_400.0 * days + 3600.0 * hour + 60.0 * minute + second
 
 
 def _checked(text: bytes, p: int, first: int, rows: int, shift: int) -> int:

@@ -44,12 +44,6 @@ def read_text(path: Path) -> Bytes:
     return np.frombuffer(content, np.uint8)
 
 
-def is_plain(path: Path, text: Bytes) -> bool:
-    """Tell whether a file holds this very text, not packed."""
-    with path.open("rb") as file:
-        return path.stat().st_size == len(text) and file.read(80) == text[:80].tobytes()
-
-
 def _plain(path: Path, content: bytes) -> bytes:
     """Undo Hatanaka's compression; its warnings tell of lost data, so they are errors too."""
     from hatanaka import crx2rnx  # noqa: PLC0415  # lazy: looks for its program when imported

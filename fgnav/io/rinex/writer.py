@@ -7,16 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, to_ticks
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, WEEK_S, to_ticks
 from fgnav.io.rinex.epochs_text import epochs_text
+from fgnav.io.rinex.messages import (
+    ACCURACY,
+    BDT_WEEK,
+    DATA_SOURCE,
+    DELAYS,
+    PLAIN,
+    ROOT_A,
+    TRANSMISSION,
+    WEEK,
+)
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
 RinexVersion: TypeAlias = Literal["3.04", "4.00"]
 
 _EPOCHS_AT_ONCE = 2000
-_WEEK_S = 604_800
-_BDT_FIRST_WEEK = 1356  # GPS week of 2006-01-01
 _FNAV = 1 << 1  # of a Galileo message's data source
 _GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
@@ -245,43 +253,20 @@ def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
     if abs(toc_s - round(toc_s)) > 1e-3:
         raise BadInputError(f"{path}: time of clock must be a whole second, got {toc_s:.6f}")
     toe_s, sent_s = (start_gps_s + float(record[n]) - behind_s for n in ("toe_s", "transmission_s"))
-    week = int(toe_s // _WEEK_S)
+    week = int(toe_s // WEEK_S)
     year, month, day, hour, minute, second, _ = _dates(np.array([round(toc_s) * TICKS_PER_S]))[0]
-    delay = record["group_delay_s"]
-    issue = float(record["issue"])
-    galileo_or_beidou = letter in "EC"
-    root = np.sqrt(record["semi_major_axis_m"])
-    own_week = week - (_BDT_FIRST_WEEK if letter == "C" else 0)
-    # Clock, then broadcast orbit 1 to 7 (RINEX 3.04, tables A6, A8, A12, A14).
-    numbers: list[list[Any]] = [
-        [record["af0_s"], record["af1_sps"], record["af2_sps2"]],
-        [
-            issue,
-            record["crs_m"],
-            record["mean_motion_difference_radps"],
-            record["mean_anomaly_rad"],
-        ],
-        [record["cuc_rad"], record["eccentricity"], record["cus_rad"], root],
-        [record["toe_sow_s"], record["cic_rad"], record["node_rad"], record["cis_rad"]],
-        [
-            record["inclination_rad"],
-            record["crc_m"],
-            record["perigee_rad"],
-            record["node_rate_radps"],
-        ],
-        [record["inclination_rate_radps"], record["data_source"], own_week, 0.0],
-        [
-            record["accuracy_m"],
-            record["health"],
-            delay[0],
-            delay[1] if galileo_or_beidou else issue,
-        ],
-        [sent_s - week * _WEEK_S, 0.0 if galileo_or_beidou else 4.0, 0.0, 0.0],
-    ]
+    numbers = np.zeros(32)  # the last is spare
+    for field, column in PLAIN.items():
+        numbers[column] = record[field]
+    numbers[ROOT_A] = np.sqrt(record["semi_major_axis_m"])
+    numbers[DATA_SOURCE] = record["data_source"]
+    numbers[WEEK] = week - (BDT_WEEK if letter == "C" else 0)
+    numbers[ACCURACY] = record["accuracy_m"]
+    numbers[DELAYS] = record["group_delay_s"]
+    numbers[TRANSMISSION] = sent_s - week * WEEK_S
+    if letter not in "EC":
+        numbers[DELAYS.stop - 1], numbers[TRANSMISSION + 1] = record["issue"], 4.0  # IODC, hours
     date = f"{year:04d} {month:02d} {day:02d} {hour:02d} {minute:02d} {second:02d}"
-    rows = ["".join(f"{float(x):19.12E}" for x in row) for row in numbers]
-    return (
-        f"{record['satellite']} {date}{rows[0]}"
-        + "\n"
-        + "".join(f"    {row}\n" for row in rows[1:])
-    )
+    words = [f"{x:19.12E}" for x in numbers.tolist()]
+    rows = ["    " + "".join(words[k : k + 4]) for k in range(3, 31, 4)]
+    return "\n".join([f"{record['satellite']} {date}{''.join(words[:3])}", *rows, ""])

@@ -17,6 +17,7 @@ from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import read_text
+from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
 
 _BEHIND_GPS_S = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "BDT": 14.0}  # whole seconds since 2006
@@ -228,7 +229,7 @@ def _numbers(path: Path, lines: list[str], records: IntArray) -> NDArray[Any]:
         values = fields.astype(float)
         fault = ~np.isfinite(values).all(axis=1)
     except ValueError:
-        fault = np.array([not _is_number_row(row) for row in fields])
+        fault = np.array([not all(map(is_number, row)) for row in fields.tolist()])
         values = np.zeros(fields.shape)
     # Six decimals at fixed columns: a shifted or shortened number would parse to another value.
     fault |= (fields.view("S1").reshape(len(fields), 4, 14)[:, :, 7] != b".").any(axis=1)
@@ -239,11 +240,3 @@ def _numbers(path: Path, lines: list[str], records: IntArray) -> NDArray[Any]:
             f"got {quoted(lines[k][:_WIDTH])}"
         )
     return values
-
-
-def _is_number_row(row: NDArray[Any]) -> bool:
-    try:
-        row.astype(float)
-    except ValueError:
-        return False
-    return True

@@ -119,7 +119,9 @@ def test_fixes_without_a_spread_are_left_out(tmp_path):
 
 
 def test_what_no_flight_can_have_is_refused(tmp_path):
-    with pytest.raises(BadInputError, match="c: another file has imu, too; import one"):
+    with pytest.raises(
+        BadInputError, match="c: has imu, as a has; a flight takes those of one inertial"
+    ):
         assemble([unit(tmp_path), unit(tmp_path, name="c")], Settings())
     with pytest.raises(BadInputError, match="a: holds nothing that a flight could use"):
         Recording(source=tmp_path / "a")

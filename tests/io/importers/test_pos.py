@@ -39,12 +39,35 @@ def test_weeks_and_ecef_are_read_too(tmp_path):
     np.testing.assert_allclose(geodetic.fixes.position_sigma_m, [[0.01, 0.02, 5e-5]])
 
 
+MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude(d'\")")
+
+
+@pytest.mark.parametrize(
+    ("text", "losses"),
+    [
+        (HEAD + ROW + ROW[:30] + "\n", {"a.pos row": 1, "a.pos columns Q, ns": 1}),
+        ((HEAD + ROW).replace(" ", ";"), {"a.pos columns Q, ns": 1}),
+        ((HEAD + ROW).replace(" ", ","), {"a.pos columns Q, ns": 1}),
+        (HEAD + ROW.replace(" 21 ", " -1.#IND "), {"a.pos columns Q, ns": 1}),
+        (MINUTES + ROW.replace("40.0 -4.0", "39 59 60.0 -3 59 60.0"), {"a.pos columns Q, ns": 1}),
+        ("\ufeff" + HEAD + ROW.rstrip() + "\x1a", {"a.pos columns Q, ns": 1}),
+    ],
+)
+def test_separators_minutes_and_cut_rows(tmp_path, text, losses):
+    (tmp_path / "a.pos").write_text(text)
+    whole, flight = imported(tmp_path, "pos", tmp_path / "a.pos")
+    assert {one.what: one.count for one in whole.flight.losses} == losses
+    assert flight.start_gps_s == 2374 * 604800 + 243258.5
+    np.testing.assert_allclose(np.degrees(flight.origin.latitude_rad), 40, rtol=1e-12)
+    np.testing.assert_allclose(np.degrees(flight.origin.longitude_rad), -4, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
         ("", "must have RTKLIB's line of column names"),
         (HEAD, "holds no solution"),
-        (HEAD + ROW + ROW[:30] + "\n", "solution 2: must have 10 columns, got 5"),
+        (HEAD + ROW[:30] + "\n", "rows must have 10 columns, got 5"),
         (HEAD + ROW.replace("-4.0", "-4.x"), "must hold numbers, could not convert"),
         (HEAD + ROW.replace("2374 ", "2374/7/4x "), "times must be dates or week and seconds"),
         (HEAD.replace("latitude(deg)", "e-baseline(m)") + ROW, "set out-solformat to llh or xyz"),

@@ -88,11 +88,11 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("G    8", "     8"), "OBS TYPES must start with a constellation"),
         (
             GOOD.replace("G    8 C1C L1C D1C S1C C2W L2W C5Q L5Q", "G    0" + " " * 32),
-            "1 to 63 observation types, got 0",
+            "1 to 99 observation types, got 0",
         ),
         (
-            head_3(extra=line("G 10", "SYS / SCALE FACTOR")),
-            "SYS / SCALE FACTOR must be 1, got 'G 10'",
+            head_3(extra=line("G   12", "SYS / SCALE FACTOR")),
+            "SYS / SCALE FACTOR must be 1, 10, 100 or 1000, got '12'",
         ),
         (
             head_3(extra=line("     2     1", "WAVELENGTH FACT L1/2")),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.decoder import Decoded
 from fgnav.io.rinex.reader import read_navigation
 from tests.io.rinex_texts import line, message, navigation_head
 
@@ -70,7 +69,7 @@ def test_fifth_line_of_glonass_since_3_05_is_passed(tmp_path):
     assert got.records["satellite"].tolist() == ["G05"]
 
 
-def test_rinex_4_record_of_a_type_that_rtklib_would_misread_is_counted(tmp_path):
+def test_rinex_4_record_of_a_type_that_is_not_used_is_counted(tmp_path):
     text = navigation_head("4.00")
     text += "> EPH G05 LNAV\n" + message("G05") + "> EPH G07 CNAV\n" + message("G07")
     text += "> STO G05 LNAV\n 2020 06 25 00 00 00 GPUT\n    1.0\n"
@@ -128,11 +127,12 @@ def test_faults_are_named_with_line_rule_and_value(tmp_path, text, rule):
         read(tmp_path, text)
 
 
-def test_decoder_that_loses_a_message_is_noticed(tmp_path, monkeypatch):
-    right = Decoded.records
-    monkeypatch.setattr(Decoded, "records", lambda self, job: right(self, job)[1:])
-    with pytest.raises(BadInputError, match=r"RTKLIB decoded 1 messages, the file holds 2.*report"):
-        read(tmp_path, GOOD)
+def test_a_week_number_that_began_anew_is_that_of_the_date(tmp_path):
+    rolled = GOOD.replace("2.111000000000E+03", f"{2111 - 2048:.12E}")
+    np.testing.assert_array_equal(read(tmp_path, rolled).records, read(tmp_path, GOOD).records)
+    wrong = GOOD.replace("2.111000000000E+03", f"{2050:.12E}")
+    with pytest.raises(BadInputError, match="no message has a possible orbit"):
+        read(tmp_path, wrong)
 
 
 def test_broken_ionosphere_record_is_named(tmp_path):

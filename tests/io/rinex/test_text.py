@@ -7,7 +7,7 @@ import pytest
 from hatanaka import rnx2crx
 
 from fgnav.checks import BadInputError
-from fgnav.io.rinex.text import is_plain, read_bytes, read_text
+from fgnav.io.rinex.text import read_bytes, read_text
 from tests.io.rinex_texts import observation_3
 
 PLAIN = observation_3().encode()
@@ -22,7 +22,6 @@ def test_plain_gzip_and_hatanaka_give_the_same_text(tmp_path):
         text = read_text(path)
         body = b"".join(line.rstrip() + b"\n" for line in text.tobytes().splitlines())
         assert body == b"".join(line.rstrip() + b"\n" for line in PLAIN.splitlines())
-        assert is_plain(path, text) == (name == "a.rnx")
 
 
 def test_packing_is_told_by_content_not_by_name(tmp_path):

@@ -1,35 +1,32 @@
-"""DataFlash logs of ArduPilot, ``.BIN`` [1]_: the first instrument of each kind.
+"""DataFlash logs of ArduPilot, ``.BIN`` [1]_, by pymavlink: the first instrument of each kind.
 
-A log explains itself: messages of type 128 say how long each other type is, and its fields. Axes
-are forward, right, down. Heights are above the ellipsoid where the log has the undulation
-(``GPA.Und``), else above the sea, which shifts the whole flight alike.
+Axes are forward, right, down. Heights are above the ellipsoid where the log has the undulation
+(``GPA.Und``), else above the sea, which shifts the whole flight alike. Messages that are not read
+are counted by their type.
 
 References
 ----------
 .. [1] ArduPilot developer documentation, "Log messages", AP_Logger/LogStructure.h.
 """
 
+import os
+import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.recording import Recording, Samples, samples, vectors
 from fgnav.io.importers.settings import Settings
-from fgnav.io.user_files import read_bytes
-from fgnav.progress import report
 
 _US, _MS = 1e-6, 1e-3
 _UT_PER_MILLIGAUSS = 0.1
 _FIX_3D = 3  # GPS.Status
-_HEAD, _FORMAT, _FORMAT_BYTES = b"\xa3\x95", 128, 89
-# Letters of a format, numpy's codes and scales, as LogStructure.h lists them.
-_LETTERS = "b:i1 B:u1 M:u1 h:<i2 H:<u2 c:<i2 C:<u2 i:<i4 I:<u4 e:<i4 E:<u4 L:<i4 q:<i8 Q:<u8"
-_LETTERS += " g:<f2 f:<f4 d:<f8 n:S4 N:S16 Z:S64 a:S64"
-_CODES = {pair[0]: pair[2:] for pair in _LETTERS.split()}
-_SCALES = {"c": 1e-2, "C": 1e-2, "e": 1e-2, "E": 1e-2, "L": 1e-7}
+_HEAD_BYTES = 3  # before a message's fields
 _NEEDED = {
     "GPS": ("TimeUS", "Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"),
     "IMU": ("TimeUS", *(f"{kind}{axis}" for kind in ("Gyr", "Acc") for axis in "XYZ")),
@@ -37,18 +34,12 @@ _NEEDED = {
     "BARO": ("TimeUS", "Alt"),
     "MAG": ("TimeUS", "MagX", "MagY", "MagZ"),
 }
+_DESCRIPTIONS = ("FMT", "FMTU", "UNIT", "MULT")  # of the other messages
 
 
 def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read a log; its clock is set by the receiver's week and milliseconds."""
-    content = read_bytes(path)
-    formats, places, damaged = _index(path, content)
-    messages = {
-        name: _fields(path, content, name, described, places[kind])
-        for kind, described in formats.items()
-        if (name := described[1]) in _NEEDED and places[kind]
-    }
-    lost = [("stretch of bytes", "the log is damaged there", damaged)]
+    messages, lost = _messages(path)
     tables: dict[str, Samples] = {}
     start_s = None
     if "GPS" in messages:
@@ -61,99 +52,79 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
             start_s = float(np.median(gps_s - gps["TimeUS"] * _US))
             tables["fixes"] = _fixes(gps, messages.get("GPA", {}))
     if "IMU" in messages:
-        tables["imu"] = _imu(messages["IMU"])
+        imu = messages["IMU"]
+        blocks = (col.FORCE, _triple(imu, "Acc")), (col.RATE, _triple(imu, "Gyr"))
+        tables["imu"] = samples(imu["TimeUS"] * _US, *blocks)
     if "BARO" in messages:
         air = messages["BARO"]
-        tables["barometer"] = {"t_s": air["TimeUS"] * _US} | vectors(
-            col.HEIGHT, air["Alt"][:, None]
-        )
+        tables["barometer"] = samples(air["TimeUS"] * _US, (col.HEIGHT, air["Alt"]))
     if "MAG" in messages:
-        field = np.stack([messages["MAG"][f"Mag{axis}"] for axis in "XYZ"], axis=1)
-        t_s = messages["MAG"]["TimeUS"] * _US
-        tables["magnetometer"] = {"t_s": t_s} | vectors(col.FIELD, field * _UT_PER_MILLIGAUSS)
+        magnet = messages["MAG"]
+        field = _triple(magnet, "Mag") * _UT_PER_MILLIGAUSS
+        tables["magnetometer"] = samples(magnet["TimeUS"] * _US, (col.FIELD, field))
     above_sea = "heights are above the sea: the log has no GPA.Und"
+    has_undulation = "Und" in messages.get("GPA", {})
     return Recording(
         source=path,
         tables=tables,
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
-        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
-        notes={"fixes": above_sea}
-        if "fixes" in tables and "Und" not in messages.get("GPA", {})
-        else {},
+        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
+        notes={"fixes": above_sea} if "fixes" in tables and not has_undulation else {},
     )
 
 
-_Formats = dict[int, tuple[int, str, str, str]]  # by type: length, name, letters, names of fields
+def _messages(path: Path) -> tuple[dict[str, dict[str, FloatArray]], list[tuple[str, str, int]]]:
+    """Return the fields of the messages that are read, in SI, by type, and what is not used."""
+    os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")  # its compiled index prints on the screen
+    module = reader("pymavlink.DFReader", "ardupilot")
+    lost: list[tuple[str, str, int]] = []
+    with foreign(path, "a DataFlash log"):
+        log = module.DFReader_binary(str(path))
+        try:
+            n_bytes, fields_by_type = 0, {}
+            for kind, places in enumerate(log.offsets):
+                layout = log.formats.get(kind)
+                if layout is None or not places:
+                    continue
+                places = [at for at in places if at + layout.len <= log.data_len]  # noqa: PLW2901
+                n_bytes += layout.len * len(places)
+                if layout.name not in _NEEDED:
+                    is_read = layout.name in _DESCRIPTIONS
+                    lost += [(f"{layout.name} message", "not read", 0 if is_read else len(places))]
+                elif places:
+                    columns = _fields(path, layout, log.data_map, places)
+                    of_first = columns.pop("", None)
+                    fields_by_type[layout.name] = columns
+                    others = 0 if of_first is None else len(places) - int(of_first.sum())
+                    lost += [(f"{layout.name} message", "of another instance", others)]
+        finally:
+            log.filehandle.close()
+        lost += [("byte", "in no message: the log is damaged there", log.data_len - n_bytes)]
+    return fields_by_type, lost
 
 
-def _index(path: Path, content: bytes) -> tuple[_Formats, dict[int, list[int]], int]:
-    """Return formats and where messages are, by type, and how many stretches are no messages."""
-    formats: _Formats = {_FORMAT: (_FORMAT_BYTES, "FMT", "", "")}
-    places: dict[int, list[int]] = {_FORMAT: []}
-    at, damaged, size = 0, 0, len(content)
-    while at + 3 <= size:
-        kind = content[at + 2]
-        layout = formats.get(kind) if content[at : at + 2] == _HEAD else None
-        if layout is None:  # look for the next message; logs may end in a page that was not filled
-            following = content.find(_HEAD, at + 1)
-            damaged += following >= 0
-            at = following if following >= 0 else size
-            continue
-        if at + layout[0] > size:
-            break
-        if kind == _FORMAT:
-            new, length = content[at + 3], content[at + 4]
-            texts = [content[at + a : at + b] for a, b in ((5, 9), (9, 25), (25, 89))]
-            name, letters, fields = (t.rstrip(b"\0").decode("ascii", "replace") for t in texts)
-            formats[new] = (max(length, 3), name, letters, fields)
-            places.setdefault(new, [])
-        places[kind].append(at)
-        at += layout[0]
-        if len(places[kind]) % 50_000 == 0:
-            report(at / size)
-    if not places[_FORMAT]:
-        raise BadInputError(f"{path}: must be a DataFlash log, holds no FMT message")
-    return formats, places, damaged
-
-
-def _fields(
-    path: Path, content: bytes, name: str, described: tuple[int, str, str, str], places: list[int]
-) -> dict[str, FloatArray]:
-    """Return the fields of all messages of a type, of its first instance, in SI.
-
-    Raises
-    ------
-    BadInputError
-        If the log describes the type otherwise than ArduPilot does.
-    """
-    size, _, letters, names = described
-    fields = names.split(",")
-    missing = [field for field in _NEEDED[name] if field not in fields]
-    codes = [_CODES.get(letter, "") for letter in letters]
-    sound = len(fields) == len(set(fields)) == len(codes) and all(codes)
-    dtype = np.dtype(list(zip(fields, codes, strict=True)) if sound else [])
-    if missing or dtype.itemsize + 3 != size:
+def _fields(path: Path, layout: Any, content: Any, places: list[int]) -> dict[str, FloatArray]:  # noqa: ANN401
+    """Return the fields of a type's first instance; under "", which messages are of it."""
+    missing = [field for field in _NEEDED[layout.name] if field not in layout.columns]
+    sound = struct.calcsize(layout.msg_struct) + _HEAD_BYTES == layout.len
+    if missing or not sound or len(layout.columns) != len(layout.msg_mults):
         wrong = f"field {missing[0]} is missing" if missing else "its FMT is damaged"
-        raise BadInputError(f"{path}: message {name}: {wrong}; the log is another's or damaged")
-    raw = np.frombuffer(content, np.uint8)
-    bodies = raw[np.array(places)[:, None] + np.arange(3, 3 + dtype.itemsize)]
-    rows = bodies.view(dtype)[:, 0]
+        raise BadInputError(f"{path}: message {layout.name}: {wrong}; the log is another's")
+    unpack = struct.Struct(layout.msg_struct).unpack_from
+    rows = zip(*(unpack(content, at + _HEAD_BYTES) for at in places), strict=True)
     columns = {
-        field: rows[field] * np.float64(_SCALES.get(letter, 1.0))
-        for field, letter in zip(fields, letters, strict=True)
-        if _CODES[letter][0] != "S"
+        field: np.array(values, np.float64) * (scale or 1.0)
+        for field, values, scale in zip(layout.columns, rows, layout.msg_mults, strict=True)
+        if not isinstance(values[0], bytes)
     }
-    instance = columns.get("I", np.zeros(len(rows)))
-    return {field: column[instance == instance.min()] for field, column in columns.items()}
+    instance = columns.get("I", np.zeros(len(places)))
+    of_first = instance == instance.min()
+    return {field: column[of_first] for field, column in columns.items()} | {"": of_first}
 
 
-def _imu(imu: dict[str, FloatArray]) -> Samples:
-    return (
-        {"t_s": imu["TimeUS"] * _US}
-        | vectors(col.FORCE, np.stack([imu[f"Acc{axis}"] for axis in "XYZ"], axis=1))
-        | vectors(col.RATE, np.stack([imu[f"Gyr{axis}"] for axis in "XYZ"], axis=1))
-    )
+def _triple(columns: dict[str, FloatArray], name: str) -> FloatArray:
+    return np.stack([columns[f"{name}{axis}"] for axis in "XYZ"], axis=1)
 
 
 def _fixes(gps: dict[str, FloatArray], accuracy: dict[str, FloatArray]) -> Samples:

@@ -16,9 +16,9 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples
 from fgnav.io.importers.settings import Settings
-from fgnav.io.user_files import read_bytes
+from fgnav.io.user_files import read_lines
 
 _GRAVITY_MPS2 = (5.0, 15.0)  # half to one and a half of a vehicle's mean specific force, 9.8
 _LONG = 1.5  # of the usual interval: the unit's clock has a gap there
@@ -26,8 +26,7 @@ _LONG = 1.5  # of the usual interval: the unit's clock has a gap there
 
 def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read one file, told by its columns: 7 of increments or fixes, 11 of a reference."""
-    text = read_bytes(path).decode("ascii", "replace")
-    lines = [line.split() for line in text.splitlines() if line.strip() and line[0] not in "#%"]
+    lines = [line.split() for line in read_lines(path) if line.strip() and line[0] not in "#%"]
     width = len(lines[0]) if lines else 0
     for k, line in enumerate(lines):
         if len(line) != width:
@@ -43,16 +42,12 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         raise BadInputError(f"{path}: must hold numbers, {error}") from None
     if width == 11:
         names = col.PLACE + col.VELOCITY + col.EULER
-        table = {"t_s": x[:, 1], **vectors(names, x[:, 2:])}
-        return Recording(
-            source=path,
-            tables={"truth": table},
-            gps_start_s=WEEK_S * x[0, 0],
-            truth_source="filter",
-        )
+        tables = {"truth": samples(x[:, 1], (names, x[:, 2:]))}
+        start_s = WEEK_S * x[0, 0]
+        return Recording(source=path, tables=tables, gps_start_s=start_s, truth_source="filter")
     if _is_increments(x):
         return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
-    fixes = {"t_s": x[:, 0], **vectors(col.PLACE + col.POSITION_SIGMA, x[:, 1:])}
+    fixes = samples(x[:, 0], (col.PLACE + col.POSITION_SIGMA, x[:, 1:]))
     return Recording(source=path, tables={"fixes": fixes}, clock="week")
 
 
@@ -69,5 +64,4 @@ def _rates(x: FloatArray) -> Samples:
     step_s = np.diff(x[:, 0], prepend=x[0, 0] - usual_s)
     step_s = np.where((step_s > 0) & (step_s < _LONG * usual_s), step_s, usual_s)
     rates = x[:, 1:] / step_s[:, None]
-    middle = {"t_s": x[:, 0] - step_s / 2}
-    return middle | vectors(col.FORCE, rates[:, 3:]) | vectors(col.RATE, rates[:, :3])
+    return samples(x[:, 0] - step_s / 2, (col.FORCE, rates[:, 3:]), (col.RATE, rates[:, :3]))

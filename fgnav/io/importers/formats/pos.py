@@ -6,72 +6,85 @@ References
 """
 
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, WEEK_S, gps_of_utc
-from fgnav.io.importers.recording import Recording, vectors
+from fgnav.io.importers.recording import Recording, unused_columns, vectors
 from fgnav.io.importers.settings import Settings
-from fgnav.io.user_files import read_bytes
+from fgnav.io.user_files import read_lines
 
 _DEGREES = ("latitude(deg)", "longitude(deg)", "height(m)")
+_MINUTES = ("latitude(d'\")", "longitude(d'\")")  # three words each
 _ECEF = ("x-ecef(m)", "y-ecef(m)", "z-ecef(m)")
 _SIGMA = ("sdn(m)", "sde(m)", "sdu(m)")
 _VELOCITY = ("vn(m/s)", "ve(m/s)", "vu(m/s)")
 _VELOCITY_SIGMA = ("sdvn", "sdve", "sdvu")
 _LEAST_SIGMA = 5e-5  # RTKLIB prints four decimals: a zero is less than half the last
+_AHEAD_S = {"GPST": 0.0, "UTC": 0.0, "JST": 9 * 3600.0}  # JST is that of UTC
+_Texts: TypeAlias = dict[str, NDArray[np.str_]]
+_SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
-    """Read a solution: geodetic degrees or ECEF, times as dates or week and seconds."""
-    lines = read_bytes(path).decode("ascii", "replace").splitlines()
+    """Read a solution: degrees, degrees and minutes, or ECEF; dates or week and seconds.
+
+    Rows of another number of columns, as of a cut line, are left out and counted.
+    """
+    lines = [line.translate(_SEPARATORS) for line in read_lines(path)]
     head = next((line for line in lines if line.startswith("%") and "Q" in line.split()), "")
-    names = head.lstrip("% ").replace(",", " ").split()
-    if not names or names[0] not in ("GPST", "UTC"):
+    names = head.lstrip("% ").split()
+    if not names or names[0] not in _AHEAD_S:
         raise BadInputError(
-            f"{path}: must have RTKLIB's line of column names with times in GPST or UTC; switch on "
-            "out-outhead and set out-timesys"
+            f"{path}: must have RTKLIB's line of column names with times in GPST, UTC or JST; "
+            "switch on out-outhead and set out-timesys"
         )
-    rows = [line.replace(",", " ").split() for line in lines if line and line[0] != "%"]
-    if not rows:
-        raise BadInputError(f"{path}: holds no solution")
-    numbers = _numbers(path, rows, len(names) + 1)  # a time has two words
-    columns = dict(zip(names[1:], numbers.T, strict=True))
-    gps_s = _gps_seconds(path, rows, utc=names[0] == "UTC")
+    names = [w for n in names for w in ((n + "d", n + "m", n + "s") if n in _MINUTES else (n,))]
+    rows = [line.split() for line in lines if line and line[0] != "%"]
+    complete = [row for row in rows if len(row) == len(names) + 1]  # a time has two words
+    if not complete:
+        rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
+        raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
+    columns: _Texts = dict(zip(names[1:], np.array(complete).T[2:], strict=True))
+    gps_s = _gps_seconds(path, complete, names[0])
     fixes = vectors(col.PLACE, _place(path, columns))
     if set(_SIGMA) <= set(columns):
-        sigma_m = np.stack([columns[name] for name in _SIGMA], axis=1)
-        fixes |= vectors(col.POSITION_SIGMA, np.maximum(sigma_m, _LEAST_SIGMA))
+        fixes |= vectors(
+            col.POSITION_SIGMA, np.maximum(_taken(path, columns, _SIGMA), _LEAST_SIGMA)
+        )
     if set(_VELOCITY) <= set(columns):
-        up = np.array([1.0, 1.0, -1.0])
-        fixes |= vectors(col.VELOCITY, np.stack([columns[n] for n in _VELOCITY], axis=1) * up)
+        fixes |= vectors(col.VELOCITY, _taken(path, columns, _VELOCITY) * [1.0, 1.0, -1.0])
         if set(_VELOCITY_SIGMA) <= set(columns):
-            sigma_mps = np.stack([columns[name] for name in _VELOCITY_SIGMA], axis=1)
-            fixes |= vectors(col.VELOCITY_SIGMA, np.maximum(sigma_mps, _LEAST_SIGMA))
+            sigma_mps = np.maximum(_taken(path, columns, _VELOCITY_SIGMA), _LEAST_SIGMA)
+            fixes |= vectors(col.VELOCITY_SIGMA, sigma_mps)
     start_s = float(np.floor(gps_s[0] * 1e3) / 1e3)
+    cut = Loss(
+        what=f"{path.name} row",
+        reason="has another number of columns: the file is cut or of mixed formats",
+        count=len(rows) - len(complete),
+    )
     return Recording(
-        source=path, tables={"fixes": {"t_s": gps_s - start_s, **fixes}}, gps_start_s=start_s
+        source=path,
+        tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
+        gps_start_s=start_s,
+        losses=(cut, unused_columns(path, list(columns), len(complete), "the flight has none")),
     )
 
 
-def _numbers(path: Path, rows: list[list[str]], width: int) -> FloatArray:
-    """Return everything behind the two words of the time."""
-    for k, row in enumerate(rows):
-        if len(row) != width:
-            raise BadInputError(
-                f"{path}: solution {k + 1}: must have {width} columns, got {len(row)}; the file is "
-                "cut or of mixed formats"
-            )
+def _taken(path: Path, columns: _Texts, names: tuple[str, ...]) -> FloatArray:
+    """Take columns out as numbers, (k, c); those that nobody needs stay texts."""
     try:
-        return np.array([row[2:] for row in rows], dtype=np.float64)
+        return np.array([columns.pop(name) for name in names], dtype=np.float64).T
     except ValueError as error:
         raise BadInputError(f"{path}: must hold numbers, {error}") from None
 
 
-def _gps_seconds(path: Path, rows: list[list[str]], *, utc: bool) -> FloatArray:
+def _gps_seconds(path: Path, rows: list[list[str]], system: str) -> FloatArray:
     """Return (k,) seconds since 1980-01-06."""
     words = np.array([row[:2] for row in rows])
     try:
@@ -82,16 +95,22 @@ def _gps_seconds(path: Path, rows: list[list[str]], *, utc: bool) -> FloatArray:
         dates = texts.astype("datetime64[us]")
     except ValueError as error:
         raise BadInputError(f"{path}: times must be dates or week and seconds, {error}") from None
-    gps_s = (dates - GPS_EPOCH) / np.timedelta64(1, "s")
-    return gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc else np.asarray(gps_s)
+    gps_s = (dates - GPS_EPOCH) / np.timedelta64(1, "s") - _AHEAD_S[system]
+    return np.asarray(gps_s) if system == "GPST" else gps_of_utc(gps_s + UNIX_OF_GPS_S)
 
 
-def _place(path: Path, columns: dict[str, FloatArray]) -> FloatArray:
+def _place(path: Path, columns: _Texts) -> FloatArray:
     """Return (k, 3) latitude deg, longitude deg, height m."""
+    words = tuple(f"{name}{part}" for name in _MINUTES for part in "dms")
+    if {*words, "height(m)"} <= set(columns):
+        parts = _taken(path, columns, words).reshape(-1, 2, 3)
+        size_deg = np.abs(parts) @ [1.0, 1 / 60, 1 / 3600]
+        place_deg = np.copysign(size_deg, parts[:, :, 0])  # -0 degrees are south or west
+        return np.column_stack([place_deg, _taken(path, columns, ("height(m)",))])
     if set(_DEGREES) <= set(columns):
-        return np.stack([columns[name] for name in _DEGREES], axis=1)
+        return _taken(path, columns, _DEGREES)
     if set(_ECEF) <= set(columns):
-        place = geodetic(np.stack([columns[name] for name in _ECEF], axis=1))
+        place = geodetic(_taken(path, columns, _ECEF))
         place[:, :2] = np.degrees(place[:, :2])
         return place
     raise BadInputError(

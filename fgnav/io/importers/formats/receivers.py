@@ -1,19 +1,17 @@
 """GNSS receivers' own formats, turned into RINEX by RTKLIB; RINEX and SP3 as they are."""
 
-import sys
 from pathlib import Path
 from tempfile import mkdtemp
 
 from fgnav.checks import BadInputError, Loss
-from fgnav.io.decoder import Decoder, Job
 from fgnav.io.flight.toml import gps_seconds
-from fgnav.io.importers.formats.framing import bytes_outside
+from fgnav.io.importers.formats.framing import passed_over
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
+from fgnav.io.rtklib_convert import convert
 from fgnav.io.user_files import read_bytes
 
-_COMMAND = (sys.executable, "-m", "fgnav.io.rtklib_convert")
 _ANTENNA = "antenna.position_b_m"
 _PLACE_UNKNOWN = "where the antenna sits in the body is in no file: state it"
 
@@ -39,13 +37,7 @@ def read_rtcm3(path: Path, settings: Settings, scratch: Path) -> Recording:
 
 
 def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Recording:  # noqa: A002
-    """Convert a file in a child process.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file, the decoder crashes or hangs, or nothing was decoded.
-    """
+    """Convert a file in a child process."""
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
     if format == "rtcm3" and settings.start is None:
@@ -53,27 +45,31 @@ def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Re
             f"{path}: RTCM 3 has no week; state start in --settings, within half a week"
         )
     near_s = "" if settings.start is None else repr(gps_seconds(path, settings.start))
-    with Decoder([path], Path(mkdtemp(dir=scratch)), command=_COMMAND) as decoder:
-        job = Job(kind="observations", source=path, path=path, options=f"{format} {near_s}")
-        observations = decoder.decode([job]).files[0]
+    observations = Path(mkdtemp(dir=scratch)) / "observations"
+    convert(path, [format, str(path), str(observations), near_s])
     navigation = observations.with_suffix(".nav")
     files = [one for one in (observations, navigation) if one.is_file() and one.stat().st_size]
     if observations not in files:
         raise BadInputError(
             f"{path}: RTKLIB finds no observations of format {format} in it; look whether the "
-            "receiver was set to put out raw measurements"
+            "receiver was set to put out raw measurements, or take its fixes by --format nmea"
         )
     renamed = [
         file.rename(file.with_name(f"{path.stem}{end}"))
         for file, end in zip(files, (".obs", ".nav"), strict=False)
     ]
-    outside = bytes_outside(read_bytes(path), format)
+    kinds, outside = passed_over(read_bytes(path), format)
     reason = f"of {path.name}, in no whole message of {format}: damaged, or of another format"
+    names = {kind: f"{kind:04X}" if format == "ubx" else str(kind) for kind in kinds} | {0: "NMEA"}
+    losses = [
+        Loss(what=f"{names[kind]} message", reason="RTKLIB does not decode it", count=count)
+        for kind, count in sorted(kinds.items())
+    ]
     return Recording(
         source=path,
         observations=tuple(renamed[:1]),
         navigation=tuple(renamed[1:]),
-        losses=(Loss(what="byte", reason=reason, count=outside),) if outside else (),
+        losses=(*losses, Loss(what="byte", reason=reason, count=outside)),
         missing={_ANTENNA: _PLACE_UNKNOWN},
     )
 

@@ -1,6 +1,7 @@
 """Bags of ROS 1 and ROS 2 (rosbag, sqlite3, MCAP): messages of ``sensor_msgs`` [1]_.
 
-``Imu``, ``NavSatFix``, ``FluidPressure``, which becomes height by the standard atmosphere [2]_, and
+``Imu``, of which a covariance that begins with -1 says that there is no such sensor, ``NavSatFix``,
+``FluidPressure``, which becomes height by the standard atmosphere [2]_, and
 ``MagneticField``. Axes of the messages are forward, left, up; times are those of the headers, UTC,
 or the recorder's where a header has none.
 
@@ -11,16 +12,17 @@ References
 .. [2] ISO 2533, "Standard Atmosphere", 1975, sections 2 and 3.
 """
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
 
@@ -30,6 +32,9 @@ _TYPES = {
     "barometer": "sensor_msgs/msg/FluidPressure",
     "magnetometer": "sensor_msgs/msg/MagneticField",
 }
+_AROUND = ("barometer", "magnetometer")
+_AROUND_TYPES = tuple(_TYPES[kind] for kind in _AROUND)
+_NOT_MEASURED = -1.0  # first element of a covariance, sensor_msgs/Imu
 _SEA_LEVEL_PA = 101_325.0  # ISO 2533
 _SCALE_M = 288.15 / 0.0065  # ISO 2533: temperature at sea level by its lapse, K and K/m
 _EXPONENT = 287.05287 * 0.0065 / 9.80665  # ISO 2533: gas constant times lapse by gravity
@@ -40,82 +45,107 @@ _DIAGONAL_NED = [4, 0, 8]  # of a covariance east, north, up
 
 
 def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
-    """Read one topic of each type; the settings name it where there are several."""
+    """Read one topic of each type; the settings name it where there are several.
+
+    Topics that are not used are counted with their reason.
+    """
     highlevel = reader("rosbags.highlevel", "rosbag")
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
-    rows_by_kind: dict[str, list[Any]] = {kind: [] for kind in _TYPES}
+    rows_by_kind: dict[str, list[Any]] = {}
     with (
         foreign(path, "a bag"),
         highlevel.AnyReader([path], default_typestore=types) as bag,
     ):
-        wanted = {
-            kind: _connections(path, bag, kind, settings)
-            for kind in _TYPES
-            if kind in ("imu", "fixes") or getattr(settings, kind) is not None
-        }
-        losses = [
-            Loss(
-                what=f"{kind} row",
-                reason=f"[{kind}] of --settings does not state its noise ({path.name})",
-                count=count,
-            )
-            for kind in _TYPES
-            if kind not in wanted and (count := _count(bag, kind))
-        ]
-        chosen = [one for some in wanted.values() for one in some]
-        kinds = {one.topic: kind for kind, some in wanted.items() for one in some}
+        kinds, losses = _chosen(path, bag, settings)
+        chosen = [one for one in bag.connections if one.topic in kinds]
         total = sum(one.msgcount for one in chosen)
         for k, (where, at_ns, data) in enumerate(bag.messages(chosen) if chosen else ()):
             report(k / max(total, 1))
             kind = kinds[where.topic]
-            rows_by_kind[kind].append(_row(kind, at_ns, bag.deserialize(data, where.msgtype)))
-    rows = {kind: np.array(some) for kind, some in rows_by_kind.items() if some}
+            row = _row(kind, at_ns, bag.deserialize(data, where.msgtype))
+            rows_by_kind.setdefault(kind, []).append(row)
+        if not rows_by_kind:
+            held = sorted({one.msgtype for one in bag.connections})
+            raise BadInputError(
+                f"{path}: must hold messages of {', '.join(_TYPES.values())}, has "
+                f"{', '.join(held) or 'none'}; record those topics, or convert them"
+            )
+    rows = {kind: np.array(some) for kind, some in rows_by_kind.items()}
     if "fixes" in rows:
         no_fix = rows["fixes"][:, 1] <= _NO_FIX
         rows["fixes"] = rows["fixes"][~no_fix]
         reason = "the receiver had none (status)"
-        losses.append(Loss(what="fix", reason=reason, count=no_fix.sum()))
+        losses.append(Loss(what="fix", reason=reason, count=int(no_fix.sum())))
+        stated = _has_variances(rows["fixes"])
+        reason = "of its fix; others have none, so none is used"
+        count = 0 if stated.all() else int(stated.sum())
+        losses.append(Loss(what="covariance", reason=reason, count=count))
     first_s = min((float(x[0, 0]) for x in rows.values() if len(x)), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
     tables = {kind: _table(kind, x, first_s) for kind, x in rows.items()}
-    lost = tuple(one for one in losses if one.count)
-    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=lost)
+    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=tuple(losses))
 
 
-def _count(bag: Any, kind: str) -> int:  # noqa: ANN401
-    """Return how many messages there are of a kind."""
-    return sum(one.msgcount for one in bag.connections if one.msgtype == _TYPES[kind])
-
-
-def _connections(path: Path, bag: Any, kind: str, settings: Settings) -> list[Any]:  # noqa: ANN401
-    """Return the connections of the topic of a kind.
-
-    Raises
-    ------
-    BadInputError
-        If there are several and none is named, or the one named is not there.
-    """
-    of_type = [one for one in bag.connections if one.msgtype == _TYPES[kind]]
-    topics = sorted({one.topic for one in of_type})
-    name = getattr(settings.ros, kind)
-    if name is None and len(topics) > 1:
-        raise BadInputError(
-            f"{path}: has {len(topics)} topics of {_TYPES[kind]}, {', '.join(topics)}; name one as "
-            f"{kind} in [ros] of --settings"
+def _chosen(path: Path, bag: Any, settings: Settings) -> tuple[dict[str, str], list[Loss]]:  # noqa: ANN401
+    """Return the kind of each topic that is read, and the messages of the others."""
+    names = {msgtype: kind for kind, msgtype in _TYPES.items()}
+    topics: dict[str, list[str]] = {kind: [] for kind in _TYPES}
+    reasons, counts = dict[str, str](), Counter[str]()
+    for one in sorted(bag.connections, key=lambda connection: connection.topic):
+        counts[one.topic] += one.msgcount
+        kind = names.get(one.msgtype)
+        if kind is None:
+            reasons[one.topic] = f"{one.msgtype} is not read"
+        elif kind in _AROUND and getattr(settings, kind) is None:
+            reasons[one.topic] = f"[{kind}] of --settings does not state its noise ({path.name})"
+        elif kind == "imu" and _lacks_force(bag, one):
+            reasons[one.topic] = "has no specific force (covariance -1)"
+        elif one.topic not in topics[kind]:
+            topics[kind].append(one.topic)
+    kinds = dict[str, str]()
+    for kind, some in topics.items():
+        name = getattr(settings.ros, kind)
+        if name is None and len(some) > 1:
+            raise BadInputError(
+                f"{path}: has {len(some)} topics of {_TYPES[kind]}, {', '.join(some)}; name one as "
+                f"{kind} in [ros] of --settings"
+            )
+        if name is not None and name not in some:
+            raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(some)}")
+        kinds |= {topic: kind for topic in some if name in (None, topic)}
+        reasons |= {t: f"{name} is read as {kind}" for t in some if name not in (None, t)}
+    losses = [
+        Loss(
+            what=f"{names[msgtype]} row" if msgtype in _AROUND_TYPES else f"{topic} message",
+            reason=reason,
+            count=counts[topic],
         )
-    if name is not None and name not in topics:
-        raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(topics)}")
-    return [one for one in of_type if name in (None, one.topic)]
+        for topic, reason in reasons.items()
+        for msgtype in [bag.topics[topic].msgtype]
+    ]
+    return kinds, losses
+
+
+def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401
+    """Return True if the first message has a covariance of specific force of -1."""
+    first = next(bag.messages([connection]), None) if connection.msgcount else None
+    if first is None:
+        return False
+    message = bag.deserialize(first[2], connection.msgtype)
+    return bool(message.linear_acceleration_covariance[0] == _NOT_MEASURED)
 
 
 def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  # made by rosbags
-    """Return time and what counts of a message."""
+    """Return time and what counts of a message; NaN for what its covariance says is not there."""
     stamp = message.header.stamp
     t_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
     if kind == "imu":
         f, w = message.linear_acceleration, message.angular_velocity
-        return [t_s, f.x, f.y, f.z, w.x, w.y, w.z]
+        has_force = message.linear_acceleration_covariance[0] != _NOT_MEASURED
+        has_rate = message.angular_velocity_covariance[0] != _NOT_MEASURED
+        force = [f.x, f.y, f.z] if has_force else [np.nan] * 3
+        return [t_s, *force, *([w.x, w.y, w.z] if has_rate else [np.nan] * 3)]
     if kind == "barometer":
         return [t_s, message.fluid_pressure]
     if kind == "magnetometer":
@@ -127,17 +157,22 @@ def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  #
     return [t_s, message.status.status, *place, *variance[_DIAGONAL_NED].tolist()]
 
 
+def _has_variances(fixes: FloatArray) -> BoolArray:
+    """Return which fixes have three variances."""
+    return np.asarray((fixes[:, 5:] > 0).all(axis=1) & np.isfinite(fixes[:, 5:]).all(axis=1))
+
+
 def _table(kind: str, x: FloatArray, first_s: float) -> Samples:
     """Return the flight's columns."""
-    table = {"t_s": x[:, 0] - first_s}
+    t_s = x[:, 0] - first_s
     if kind == "imu":
-        f_b_mps2, w_b_radps = x[:, 1:4] * _FLU_TO_FRD, x[:, 4:] * _FLU_TO_FRD
-        return table | vectors(col.FORCE, f_b_mps2) | vectors(col.RATE, w_b_radps)
+        force, rate = x[:, 1:4] * _FLU_TO_FRD, x[:, 4:] * _FLU_TO_FRD
+        rates = () if np.isnan(rate).all() else ((col.RATE, rate),)
+        return samples(t_s, (col.FORCE, force), *rates)
     if kind == "barometer":
-        height_m = _SCALE_M * (1 - (np.maximum(x[:, 1:], 0.0) / _SEA_LEVEL_PA) ** _EXPONENT)
-        return table | vectors(col.HEIGHT, height_m)
+        pressure = np.maximum(x[:, 1], 0.0) / _SEA_LEVEL_PA
+        return samples(t_s, (col.HEIGHT, _SCALE_M * (1 - pressure**_EXPONENT)))
     if kind == "magnetometer":
-        return table | vectors(col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T)
-    table |= vectors(col.PLACE, x[:, 2:5])
-    is_stated = np.isfinite(x[:, 5:]).all() and (x[:, 5:] > 0).all()
-    return table | vectors(col.POSITION_SIGMA, np.sqrt(x[:, 5:])) if is_stated else table
+        return samples(t_s, (col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T))
+    sigmas = ((col.POSITION_SIGMA, np.sqrt(x[:, 5:])),) if _has_variances(x).all() else ()
+    return samples(t_s, (col.PLACE, x[:, 2:5]), *sigmas)

@@ -1,10 +1,11 @@
 """Text files of columns, as the settings' ``[[csv]]`` describe them.
 
 Rows of another number of columns than most are left out and counted: loggers cut lines where they
-start and stop. Empty cells are missing values.
+start and stop. Empty cells are missing values. Columns that no ``[[csv]]`` names are counted.
 """
 
 import csv
+import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,12 +18,16 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
 from fgnav.io.flight.toml import ImuKeys, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording
+from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
-from fgnav.io.user_files import max_bytes
+from fgnav.io.tables import is_number
+from fgnav.io.user_files import encoding_of, max_bytes
 from fgnav.progress import report
 
 _ROWS_AT_ONCE = 50_000
+_ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
+_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
+_GRAVITY = ", or gravity is not in it"
 _AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
@@ -46,62 +51,89 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
     if unstated is not None:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
-    first, *others = (read_columns(path, one) for one in described)
+    (first, unused), *others = (_read_table(path, one) for one in described)
     tables = dict(first.tables)
-    for one in others:
+    for one, names in others:
         if one.clock != first.clock:
             raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
+        unused = [name for name in unused if name in names]
         for kind, rows in one.tables.items():
             t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
             tables[kind] = {**rows, "t_s": t_s}
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
-    return replace(first, tables=tables, missing=missing)
+    for table in described:
+        missing |= _unconfirmed(path, table)
+    count = max(len(rows["t_s"]) for rows in tables.values())
+    losses = (*first.losses, unused_columns(path, unused, count, "no [[csv]] names them"))
+    return replace(first, tables=tables, losses=losses, missing=missing)
 
 
-def read_columns(path: Path, table: CsvTable) -> Recording:
-    """Read one table of a text file.
+def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
+    """Return what the user must confirm of a guessed table, by the key of flight.toml."""
+    texts = []
+    for kind in table.unconfirmed:
+        if kind == "clock":
+            texts.append(
+                f"its dates have no time zone and were read as GPS time; where they are UTC (18 s "
+                f'behind since 2017), write clock = "utc" in [[csv]] of {path.name}'
+            )
+            continue
+        if kind == "columns":
+            texts.append(
+                "no column has a known name: they were chosen by their numbers; amend columns"
+            )
+            continue
+        names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
+        assumed = table.units.get(kind, next(iter(UNITS[kind])))
+        texts.append(
+            f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; {assumed} was "
+            f"assumed; units are {', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
+        )
+    again = "of import.toml, and import with --settings import.toml"
+    return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
 
-    Raises
-    ------
-    BadInputError
-        If a column is not there, or a cell that is needed is no number: names line and column.
-    """
-    columns, cut = _cells(path, table)
+
+def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
+    """Return one table of a text file, and the names of the columns that it does not use."""
+    columns, unused, cut = _cells(path, table)
     dates = table.units.get("s") == "date"
-    samples = {
-        name: _dates(path, cells, utc=table.clock == "utc")
-        if dates and name == "t_s"
-        else _numbers(path, table, name, cells)
-        for name, cells in columns.items()
-    }
-    clock, start_s = _clock(path, table, dates=dates)
-    if table.clock == "utc" and not dates:
+    utc = table.clock == "utc"
+    samples = {}
+    for name, cells in columns.items():
+        if dates and name == "t_s":
+            samples[name], zoned = _dates(path, cells, utc=utc)
+            if zoned and table.clock == "gps":
+                raise BadInputError(
+                    f"{path}: key csv.clock: must be 'utc' where dates have a time zone, got 'gps' "
+                    f"and {quoted(str(cells[0]))}"
+                )
+        else:
+            samples[name] = _numbers(path, table, name, cells)
+    start_s = gps_seconds(path, table.start) if table.start is not None else 0.0
+    is_dated = dates or table.start is not None or table.clock in ("gps", "utc")
+    clock: Clock = "gps" if is_dated else "week" if table.clock == "week" else "own"
+    if utc and not dates:
         samples["t_s"] = gps_of_utc(samples["t_s"])
     if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
         usable = samples["t_s"][np.isfinite(samples["t_s"])]
         start_s = float(np.floor(usable[0])) if len(usable) else 0.0
         samples["t_s"] = samples["t_s"] - start_s
     losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
-    return Recording(
+    recording = Recording(
         source=path,
         tables={table.table: samples},
         clock=clock,
         gps_start_s=start_s,
-        losses=tuple(losses if cut else ()),
+        losses=tuple(losses),
     )
+    return recording, unused
 
 
-def _clock(path: Path, table: CsvTable, *, dates: bool) -> tuple[Clock, float]:
-    """Return what times count from."""
-    if table.start is not None:
-        return "gps", gps_seconds(path, table.start)
-    if dates or table.clock in ("gps", "utc"):
-        return "gps", 0.0
-    return ("week", 0.0) if table.clock == "week" else ("own", 0.0)
+def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str], int]:
+    """Return texts of the columns that are used, names of the others, and how many lines are cut.
 
-
-def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
-    """Return texts of the columns that are used, (k,) each, and how many lines were left out."""
+    Texts are (k,) each.
+    """
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
     size = path.stat().st_size
@@ -110,7 +142,9 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
     blocks: list[np.ndarray] = []
     cut = 0
     with path.open("rb") as raw:
-        text = TextIOWrapper(raw, encoding="utf-8", errors="replace", newline="")
+        encoding = encoding_of(raw.read(4))
+        raw.seek(0)
+        text = TextIOWrapper(raw, encoding=encoding, errors="replace", newline="")
         rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
         try:
             for _ in range(table.skip_lines):
@@ -128,7 +162,9 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], int]:
         except csv.Error as error:
             raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
     cells = np.concatenate(blocks)
-    return {name: cells[:, k] for k, name in enumerate(table.columns)}, cut
+    names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
+    unused = [name for k, name in enumerate(names) if k not in places]
+    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unused, cut
 
 
 def usual_width(rows: Sequence[Sequence[str]]) -> int:
@@ -157,14 +193,19 @@ def _places(path: Path, table: CsvTable, head: list[str], width: int) -> list[in
 
 def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
     """Return numbers in the flight's units, NaN of empty cells."""
-    filled = np.where(np.char.strip(cells) == "", "nan", cells)
+    texts = np.char.strip(cells)
+    if table.decimal == ",":
+        texts = np.char.replace(texts, ",", ".")
+    filled = np.where(texts == "", "nan", texts)
     try:
         values = filled.astype(np.float64)
     except ValueError:
         row = next(k for k, cell in enumerate(filled) if not is_number(cell))
+        got = str(cells[row])
+        mend = '; write decimal = "," in [[csv]]' if is_number(got.replace(",", ".", 1)) else ""
         raise BadInputError(
             f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
-            f"number, got {quoted(str(cells[row]))}"
+            f"number, got {quoted(got)}{mend}"
         ) from None
     kind = name.rsplit("_", 1)[1]
     unit = UNITS.get(kind, {}).get(table.units.get(kind, ""), 1.0)
@@ -173,21 +214,41 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
     return values * (-unit if negative else unit)
 
 
-def is_number(cell: str) -> bool:
-    """Return whether a cell holds a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+def is_date(cell: str) -> bool:
+    """Return True if a cell begins with year, month and day."""
+    return _DATE.match(cell.strip()) is not None
 
 
-def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> FloatArray:
-    """Return seconds since 1980-01-06 of dates, GPS time unless they are UTC."""
-    texts = np.char.replace(np.char.replace(np.char.strip(cells), "/", "-"), " ", "T")
+def time_zone(cell: str) -> str:
+    """Return the time zone that ends a date, ``Z`` or ``+02:00``; nothing where there is none."""
+    zone = _ZONE.search(cell.strip()[10:])
+    return zone[0].strip() if zone else ""
+
+
+def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> tuple[FloatArray, bool]:
+    """Return seconds since 1980-01-06 of dates, and whether they have a time zone.
+
+    Dates with a time zone are converted to UTC; others are GPS time unless ``utc``.
+    """
+    texts = [cell.strip() for cell in cells.tolist()]
+    zones = [time_zone(text) for text in texts]
+    bare = [text.removesuffix(zone).strip() for text, zone in zip(texts, zones, strict=True)]
+    bare = [text.replace("/", "-").replace(" ", "T").replace(",", ".") for text in bare]
     try:
-        dates = np.char.rstrip(texts, "Z").astype("datetime64[ns]")
+        dates = np.array(bare, dtype="datetime64[ns]")
     except ValueError as error:
         raise BadInputError(f"{path}: dates must be like 2025-07-08 19:34:18.5, {error}") from None
     gps_s = (dates - GPS_EPOCH.astype("datetime64[ns]")) / np.timedelta64(1, "s")
-    return gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc else np.asarray(gps_s)
+    if any(zones):
+        ahead = {zone: _ahead_s(zone) for zone in set(zones)}
+        gps_s = gps_s - np.array([ahead[zone] for zone in zones])
+    return (gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc or any(zones) else gps_s), any(zones)
+
+
+def _ahead_s(zone: str) -> float:
+    """Return what local time is ahead of UTC."""
+    if zone[:1] not in ("+", "-"):
+        return 0.0
+    digits = zone[1:].replace(":", "")
+    size_s = 3600.0 * int(digits[:2]) + 60.0 * int(digits[2:] or "0")
+    return -size_s if zone[0] == "-" else size_s

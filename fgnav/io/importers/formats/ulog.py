@@ -20,7 +20,7 @@ from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.importers.recording import Recording, Samples, samples
 from fgnav.io.importers.settings import Settings
 
 _US = 1e-6
@@ -29,24 +29,43 @@ _FIX_3D = 3  # fix_type: 2 and less have no height
 _GPS = ("sensor_gps", "vehicle_gps_position")
 _AROUND = ("vehicle_air_data", "vehicle_magnetometer")
 _FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_position")
+_READ = ("sensor_combined", *_AROUND, *_GPS, *_FILTER)
 
 
 def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
-    """Read a log's first inertial unit and first receiver."""
+    """Read a log's first inertial unit, and its receiver with the most fixes that have a height."""
     pyulog = reader("pyulog", "ulog")
     with foreign(path, "ULog") as output, path.open("rb") as file:
-        log = pyulog.ULog(file, ["sensor_combined", *_AROUND, *_GPS, *_FILTER])
-        topics = {one.name: one.data for one in reversed(log.data_list)}  # instance 0 stays
+        log = pyulog.ULog(file)
+        used = {one.name: one for one in reversed(log.data_list) if one.name in _READ}  # instance 0
+        receivers = [one for one in log.data_list if one.name in _GPS]
+        if receivers:
+            best = max(receivers, key=lambda one: (one.data["fix_type"] >= _FIX_3D).sum())
+            used = {name: one for name, one in used.items() if name not in _GPS} | {"gps": best}
+        topics = {name: one.data for name, one in used.items()}
         damaged = int(log.file_corruption or "corruption" in output.getvalue())
         lost = [("logger dropout", "the logger could not keep up", len(log.dropouts))]
         lost += [("message", "the log is damaged there", damaged)]
+        lost += [
+            (f"{one.name} message", reason, len(one.data["timestamp"]))
+            for one in log.data_list
+            if one not in used.values()
+            for reason in ["of another instance" if one.name in _READ else "not read"]
+        ]
         tables: dict[str, Samples] = {}
-        if "sensor_combined" in topics:
-            tables["imu"] = _imu(topics["sensor_combined"])
-        tables |= _surroundings(topics)
+        if (unit := topics.get("sensor_combined")) is not None:
+            force, rate = (
+                _triple(unit, name) for name in ("accelerometer_m_s2[{}]", "gyro_rad[{}]")
+            )
+            tables["imu"] = samples(unit["timestamp"] * _US, (col.FORCE, force), (col.RATE, rate))
+        if (air := topics.get("vehicle_air_data")) is not None:
+            height_m = _numbers(air, "baro_alt_meter")
+            tables["barometer"] = samples(air["timestamp"] * _US, (col.HEIGHT, height_m))
+        if (magnet := topics.get("vehicle_magnetometer")) is not None:
+            field_b_ut = _triple(magnet, "magnetometer_ga[{}]") * _UT_PER_GAUSS
+            tables["magnetometer"] = samples(magnet["timestamp"] * _US, (col.FIELD, field_b_ut))
         start_s = None
-        gps = next((topics[name] for name in _GPS if name in topics), None)
-        if gps is not None:
+        if (gps := topics.get("gps")) is not None:
             flying = gps["fix_type"] >= _FIX_3D
             tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
             lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
@@ -58,7 +77,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
-        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost if count),
+        losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
         truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
     )
@@ -73,27 +92,6 @@ def _start(gps: dict[str, Any], flying: BoolArray) -> float | None:
     return float(np.median(gps_of_utc(utc_s) - _numbers(gps, "timestamp")[dated] * _US))
 
 
-def _imu(topic: dict[str, Any]) -> Samples:
-    return (
-        {"t_s": topic["timestamp"] * _US}
-        | vectors(col.FORCE, _triple(topic, "accelerometer_m_s2[{}]"))
-        | vectors(col.RATE, _triple(topic, "gyro_rad[{}]"))
-    )
-
-
-def _surroundings(topics: dict[str, dict[str, Any]]) -> dict[str, Samples]:
-    """Return barometer and magnetometer, those that are there; PX4 logs gauss."""
-    tables: dict[str, Samples] = {}
-    air, magnet = (topics.get(name) for name in _AROUND)
-    if air is not None:
-        height_m = _numbers(air, "baro_alt_meter")[:, None]
-        tables["barometer"] = {"t_s": air["timestamp"] * _US} | vectors(col.HEIGHT, height_m)
-    if magnet is not None:
-        field_b_ut = _triple(magnet, "magnetometer_ga[{}]") * _UT_PER_GAUSS
-        tables["magnetometer"] = {"t_s": magnet["timestamp"] * _US} | vectors(col.FIELD, field_b_ut)
-    return tables
-
-
 def _numbers(topic: dict[str, Any], name: str) -> FloatArray:
     return np.asarray(topic[name], np.float64)
 
@@ -103,7 +101,7 @@ def _triple(topic: dict[str, Any], name: str, count: int = 3) -> FloatArray:
     return np.stack([_numbers(topic, name.format(k)) for k in range(count)], axis=1)
 
 
-def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
+def _fixes(topic: dict[str, Any]) -> Samples:
     """Return fixes, of releases that log degrees and metres, or 1e-7 degrees and millimetres."""
     if "latitude_deg" in topic:
         names, scale = ("latitude_deg", "longitude_deg", "altitude_ellipsoid_m"), (1.0, 1.0, 1.0)
@@ -113,12 +111,12 @@ def _fixes(topic: dict[str, Any]) -> dict[str, FloatArray]:
     velocity = np.stack([_numbers(topic, f"vel_{axis}_m_s") for axis in "ned"], axis=1)
     horizontal, vertical = _numbers(topic, "eph"), _numbers(topic, "epv")
     sigma_mps = np.repeat(_numbers(topic, "s_variance_m_s")[:, None], 3, axis=1)
-    return (
-        {"t_s": topic["timestamp"] * _US}
-        | vectors(col.PLACE, place)
-        | vectors(col.VELOCITY, velocity)
-        | vectors(col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1))
-        | vectors(col.VELOCITY_SIGMA, sigma_mps)
+    return samples(
+        topic["timestamp"] * _US,
+        (col.PLACE, place),
+        (col.VELOCITY, velocity),
+        (col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1)),
+        (col.VELOCITY_SIGMA, sigma_mps),
     )
 
 
@@ -137,12 +135,8 @@ def _reference(topics: dict[str, dict[str, Any]]) -> Samples:
     velocity = np.stack([_numbers(local, name) for name in ("vx", "vy", "vz")], axis=1)[near]
     height = "alt_ellipsoid" if "alt_ellipsoid" in at else "alt"
     place = np.stack([_numbers(at, name) for name in ("lat", "lon", height)], axis=1)
-    return (
-        {"t_s": t * _US}
-        | vectors(col.PLACE, place)
-        | vectors(col.VELOCITY, velocity)
-        | vectors(col.EULER, np.degrees(to_euler(R_nb)))
-    )
+    euler_deg = np.degrees(to_euler(R_nb))
+    return samples(t * _US, (col.PLACE, place), (col.VELOCITY, velocity), (col.EULER, euler_deg))
 
 
 def _nearest(times: FloatArray, at: FloatArray) -> IntArray:

@@ -95,7 +95,7 @@ def read_umn(path: Path, _settings: Settings, _scratch: Path) -> Recording:
 
 def _columns(path: Path) -> dict[str, FloatArray]:
     """Return the columns that are used, all of one length, times increasing."""
-    from scipy.io import loadmat, matlab  # noqa: PLC0415  # lazy: keeps the command line quick
+    from scipy.io import loadmat, matlab  # lazy: keeps the command line quick
 
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
