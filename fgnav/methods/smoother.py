@@ -227,7 +227,9 @@ class Smoother:
                 notes = (*notes, f"Noise is nominal; it could not be estimated ({error}).")
             else:
                 notes = (*notes, *noise_notes(flight, found))
-                prepared = replace(prepared, implausible=implausible(flight.imu, found))
+                interval_s = float(np.median(np.diff(prepared.problem.t_s)))
+                excess = implausible(flight.imu, found, interval_s)
+                prepared = replace(prepared, implausible=excess)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain

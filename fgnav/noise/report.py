@@ -38,6 +38,7 @@ _WORTH_SAYING = np.log(1.5)
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
 _MEASURED_M = 0.05  # 1-sigma of an antenna's place as a tape measures it
 _CERTAIN = 4.0  # sigmas of a logarithm: 3e-5
+_NEAR_S = 1 / 3  # below, a cubic rotation between keyframes errs by less than noise
 _SIGMAS = 3.0  # of what is known before the flight
 
 
@@ -60,18 +61,21 @@ def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
     return (*notes, *sentences(result.calibrated))
 
 
-def implausible(imu: Imu | None, result: Hyperparameters) -> dict[str, float]:
+def implausible(imu: Imu | None, result: Hyperparameters, interval_s: float) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
     Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
     lever arm is measured to a tape's sigma, and a latency is within what is known before the flight
-    and not negative.
+    and not negative. Without a gyroscope, noise also stands for what the path of the rotation
+    between distant keyframes leaves of the force: then it is not tested.
 
     Parameters
     ----------
     imu : Imu or None
         With its nominal noise.
     result : Hyperparameters
+    interval_s : float
+        Between keyframes.
     """
     ratios = {}
     for one in result.significant:
@@ -81,7 +85,8 @@ def implausible(imu: Imu | None, result: Hyperparameters) -> dict[str, float]:
             sigma_s = one.prior_sigma if one.value[0] > 0.0 else float(one.sigma[0])
             ratios["velocity latency"] = abs(float(one.value[0])) / (_SIGMAS * sigma_s)
     if imu is not None:
-        ratios |= _noise_ratios(imu, result.factors, result.sigmas)
+        if imu.w_b_radps is not None or interval_s < _NEAR_S:
+            ratios |= _noise_ratios(imu, result.factors, result.sigmas)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():
             walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
