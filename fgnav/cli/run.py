@@ -45,7 +45,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     out
         Folder for the results; made if absent.
     method
-        closed-form, maximum-likelihood, smoother, forward, batch, gtsam, rtk, or an installed one.
+        closed-form, maximum-likelihood, smoother, forward, batch, rtk, or an installed one.
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415

@@ -23,11 +23,10 @@ METHODS = {
     "smoother": "fgnav.methods.smoother:Smoother",
     "forward": "fgnav.methods.smoother:Forward",
     "batch": "fgnav.methods.smoother:Batch",
-    "gtsam": "fgnav.methods.smoother:GtsamBatch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
 FORMER_GRAVITY = {"network": "gravity", "network-accelerometer": "gravity-accelerometer"}
-SMOOTHERS = ("smoother", "forward", "batch", "gtsam")  # those that take all of ``Options``
+SMOOTHERS = ("smoother", "forward", "batch")  # those that take all of ``Options``
 WITH_LAG = ("smoother", "forward")
 
 
