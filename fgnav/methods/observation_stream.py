@@ -14,12 +14,12 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
-from fgnav.noise.past import Identification, identification, identification_times_s
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight

@@ -244,7 +244,7 @@ class Smoother:
         settings = self.preparation
         prepared = build_problem(flight, settings)
         if self.noise == "identified":
-            from fgnav.noise.past import stretches  # noqa: PLC0415  # lazy: the chain
+            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
             build = partial(build_problem, last=LastObservations())
