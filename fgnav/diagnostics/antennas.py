@@ -42,7 +42,7 @@ class Exchange(NamedTuple):
     log_ratio: float
     runner_up_ratio: float
 
-    def said(self, flight: Flight) -> str:
+    def message(self, flight: Flight) -> str:
         """Return what was found, with the evidence."""
         first, second = (flight.antennas[i].name for i in self.pair)
         return (
@@ -120,7 +120,7 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
     exchange = None if fits.all() else exchanged_antennas(part, fits)
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
-        return Finding("antennas exchanged", exchange.said(flight), mend)
+        return Finding("antennas exchanged", exchange.message(flight), mend)
     if seen is None or fits.mean() >= _WRONG:
         return None
     evidence = f"{100 * fits.mean():.0f} % of {len(fits)} epochs fit the given places"

@@ -49,23 +49,23 @@ def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
     timestamps.
     """
     imu, attitudes, series = motion.imu_at(offset_s), motion.attitudes, motion.series[-1]
-    known = attitudes is not None
+    aligned = attitudes is not None
     if attitudes is not None:
         imu = imu[(imu.t_s >= attitudes.t_s[0]) & (imu.t_s <= attitudes.t_s[-1])]
     windows = most_curved(series, covered(series, imu.t_s))
     if not len(windows):
         return None
     values, hypotheses = WindowValues(series, windows), []
-    for rate in [1.0] if known else _rates(imu):
+    for rate in [1.0] if aligned else _rates(imu):
         inner = values.resampled(imu.t_s, _integrals(motion, imu, rate))
-        levels = _levels(values, inner, known=known)
+        levels = _levels(values, inner, aligned=aligned)
         both = zip(levels, signed_permutations(), strict=True)
         hypotheses += [(level, rate, axes, inner) for level, axes in both]
     ranked = sorted(range(len(hypotheses)), key=lambda k: hypotheses[k][0])[:_FITTED]
-    ridge, fits = prior(imu, series.order, known=known)[:-3], []
+    ridge, fits = prior(imu, series.order, aligned=aligned)[:-3], []
     for _, rate, axes, inner in (hypotheses[k] for k in dict.fromkeys([0, *ranked])):
         moved, by_bias = inner[..., :9] @ axes.ravel() + inner[..., 12], -inner[..., 9:12]
-        _, y, local = values.solved(moved, [by_bias], ridge, known=known)
+        _, y, local = values.solved(moved, [by_bias], ridge, aligned=aligned)
         squares = fitted(y, local, np.zeros((*y.shape, 0)), ridge).squares
         fits.append((squares, _changes(rate, axes), rate, axes))
     best = min(fits, key=lambda one: _level(one[0]))
@@ -100,7 +100,7 @@ def _integrals(motion: Motion, imu: Imu, rate: float) -> FloatArray:
     return np.concatenate([parts, R_sb @ swing_b[..., None]], axis=2)
 
 
-def _levels(values: WindowValues, inner: FloatArray, *, known: bool) -> list[float]:
+def _levels(values: WindowValues, inner: FloatArray, *, aligned: bool) -> list[float]:
     """Return mean log squares left by the best rotation of each window, for all 48 axes."""
     weight = values.white.mean(axis=2, keepdims=True)
     y, X, levels = weight * values.value, weight[..., None] * inner, []
@@ -110,7 +110,7 @@ def _levels(values: WindowValues, inner: FloatArray, *, known: bool) -> list[flo
         read = np.concatenate([axes.ravel(), [0.0, 0.0, 0.0, 1.0]])
         U, sizes, Vt = np.linalg.svd(cross @ read)
         sizes[:, 2] *= np.linalg.det(U @ Vt)
-        gain = np.trace(cross @ read, axis1=1, axis2=2) if known else sizes.sum(axis=1)
+        gain = np.trace(cross @ read, axis1=1, axis2=2) if aligned else sizes.sum(axis=1)
         levels.append(_level(of_y - 2 * gain + np.einsum("p,wpq,q->w", read, gram, read)))
     return levels
 

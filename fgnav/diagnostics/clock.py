@@ -102,13 +102,13 @@ def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -
     """Return the results of all searches that the sensors permit."""
     if motion.attitudes is not None:
         force_at = _force_beside(motion.imu, motion.attitudes)
-        searches = [_search_by_force(motion.series[-1], force_at, known=True)]
+        searches = [_search_by_force(motion.series[-1], force_at, aligned=True)]
     else:
         given, series = integrals_at(0.0), motion.series[-1]
         force = given.force[series.order - 1]
         searches = [
             _search_by_course(motion, given),
-            _search_by_force(series, lambda offset_s: (given.t_s + offset_s, force), known=False),
+            _search_by_force(series, lambda offset_s: (given.t_s + offset_s, force), aligned=False),
         ]
     return [search for search in searches if search is not None]
 
@@ -129,13 +129,13 @@ def _force_beside(
 
 
 def _search_by_force(
-    series: Series, force_at: Callable[[float], tuple[FloatArray, FloatArray]], *, known: bool
+    series: Series, force_at: Callable[[float], tuple[FloatArray, FloatArray]], *, aligned: bool
 ) -> Search | None:
-    """Search by integrals of specific force in s; in n, if known, with no matrix but a line."""
+    """Search by integrals of specific force in s; in n, if aligned, with no matrix but a line."""
     some = track.most_curved(series, series.windows)
     if len(some) < MIN_WINDOWS:
         return None
-    t_s, order = series.t_s[some.row], series.order + known
+    t_s, order = series.t_s[some.row], series.order + aligned
     y = track.detrended(some, series.t_s, series.value[some.row], order)
     left = np.full((len(some), len(_OFFSETS_S)), np.nan)
     for k, offset_s in enumerate(_OFFSETS_S):
@@ -146,7 +146,7 @@ def _search_by_force(
             continue
         X = interpolate_tensors(t_s[inside].ravel(), imu_s, force).reshape(-1, t_s.shape[1], 3)
         X, x = track.detrended(some.some(inside), series.t_s, X, order), y[inside]
-        if not known:
+        if not aligned:
             gram = X.swapaxes(1, 2) @ X
             gram += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(3)
             X = X @ np.linalg.solve(gram, X.swapaxes(1, 2) @ x)

@@ -68,7 +68,7 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
             fixed = np.asarray(~is_open.any(axis=(1, 2)))
         exchange = exchanged_antennas(differences, fixed)
         if exchange is not None:
-            notes = (f"Antennas {exchange.said(flight)}; corrected.",)
+            notes = (f"Antennas {exchange.message(flight)}; corrected.",)
             flight = exchange.corrected(flight)
     imu, motion = flight.imu, _motion(flight)
     if imu is None or motion is None:

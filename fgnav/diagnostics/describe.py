@@ -10,8 +10,13 @@ from fgnav.diagnostics.antennas import antenna_finding
 from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
 from fgnav.diagnostics.axes import axes_finding
 from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
-from fgnav.diagnostics.contents import Diagnosis, Finding, contents
-from fgnav.diagnostics.samples import instrument_findings, sample_findings
+from fgnav.diagnostics.contents import (
+    Diagnosis,
+    Finding,
+    contents,
+    instrument_findings,
+    sample_findings,
+)
 from fgnav.diagnostics.track import LONGEST, Motion, middle_of, where_it_moves
 from fgnav.diagnostics.units import magnetometer_finding, mean_forces, unit_finding
 from fgnav.diagnostics.vehicle import mounting_finding, velocity_finding

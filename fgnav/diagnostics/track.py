@@ -32,7 +32,7 @@ class Integrals(NamedTuple):
     """Inertial samples, m of them, in s, and integrals of specific force, once and twice, there.
 
     ``by_bias`` and ``by_rate_bias`` are derivatives by biases of accelerometer and gyroscope,
-    ``by_offset`` by an offset of timestamps, negative. ``known``: s is n, by an array's attitudes.
+    ``by_offset`` by an offset of timestamps, negative. ``aligned``: s is n, as of an array.
     """
 
     t_s: FloatArray  # (m,)
@@ -42,7 +42,7 @@ class Integrals(NamedTuple):
     by_offset: FloatArray  # (2, m, 3)
     by_bias: FloatArray  # (3, m, 3, 3); R_sb first
     by_rate_bias: FloatArray  # (2, m, 3, 3)
-    known: bool
+    aligned: bool
 
 
 class Series(NamedTuple):
@@ -214,7 +214,7 @@ class WindowValues:
         return detrended(self.windows, self.series.t_s, inner, self.series.order)
 
     def solved(
-        self, moved: FloatArray, biases: list[FloatArray], ridge: FloatArray, *, known: bool
+        self, moved: FloatArray, biases: list[FloatArray], ridge: FloatArray, *, aligned: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Fit a rotation of each window to vectors in s, (W, n, 3), beside start and biases.
 
@@ -226,7 +226,7 @@ class WindowValues:
         start = [time**p * np.eye(3) for p in range(self.series.order)]
         weight = self.white.mean(axis=2, keepdims=True) ** 2
         R_ns = nearest(np.einsum("wni,wnj->wij", weight * self.value, moved))
-        R_ns = np.tile(np.eye(3), (W, 1, 1)) if known else R_ns
+        R_ns = np.tile(np.eye(3), (W, 1, 1)) if aligned else R_ns
         lean = -skew(moved.reshape(-1, 3)).reshape(W, n, 3, 3)
         place = slice(3 * len(start), 3 * len(start) + 3)
 
@@ -250,7 +250,7 @@ def fit(
 
     Returns these, and R_ns, (W, 3, 3).
     """
-    values, order, known = WindowValues(series, windows), series.order, integrals.known
+    values, order, aligned = WindowValues(series, windows), series.order, integrals.aligned
 
     def of(x: FloatArray) -> FloatArray:
         return values.resampled(integrals.t_s, x)
@@ -258,7 +258,7 @@ def fit(
     spin = integrals.R_sb @ skew(integrals.w_b_radps)
     arm = of(spin if order == 1 else integrals.R_sb)
     by_offset = integrals.by_offset[order - 1]
-    if not known:
+    if not aligned:
         by_offset = by_offset + (spin @ skew(integrals.w_b_radps) if order == 1 else spin) @ arm_b_m
     force = of(integrals.force[order - 1])
     middle = interpolate_tensors(
@@ -266,18 +266,18 @@ def fit(
     )
     turning = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
     biases = [-of(integrals.by_bias[order]), of(integrals.by_rate_bias[order - 1]) - turning]
-    ridge = prior(imu, order, known=known)
-    R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, known=known)
+    ridge = prior(imu, order, aligned=aligned)
+    R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, aligned=aligned)
     common = np.concatenate([-of(by_offset)[..., None], arm], axis=3)
     common = (values.white[..., None] * (R_ns[:, None] @ common)).reshape(*y.shape, -1)
     return fitted(y, local, common, ridge), R_ns
 
 
-def prior(imu: Imu, order: int, *, known: bool) -> FloatArray:
+def prior(imu: Imu, order: int, *, aligned: bool) -> FloatArray:
     """Return prior information of a window's start, lean and biases, (3 order + 9,)."""
     rate_bias = imu.gyroscope_bias_radps or 0.0
     ridge = np.zeros(3 * order + 9)
-    ridge[-9:-6] = _MISALIGNED_RAD**-2 if known else 0.0
+    ridge[-9:-6] = _MISALIGNED_RAD**-2 if aligned else 0.0
     ridge[-6:-3] = (_BIASES * imu.accelerometer_bias_mps2) ** -2
-    ridge[-3:] = (_BIASES * rate_bias) ** -2 if rate_bias and not known else 1e12
+    ridge[-3:] = (_BIASES * rate_bias) ** -2 if rate_bias and not aligned else 1e12
     return ridge

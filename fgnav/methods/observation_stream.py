@@ -14,12 +14,12 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
-from fgnav.noise.past import Identification, identification, identification_times_s
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
@@ -44,13 +44,13 @@ class _Span:
     """Keyframes from a time on, with noise and times as identified by then."""
 
     from_s: float
-    known: Identification
+    identified: Identification
     record: GoingOn
 
     def prepared(self, settings: ProblemSettings) -> PreparedFlight:
         """Return the problem of what is kept."""
         build = partial(build_problem, earlier=self.record.earlier)
-        return self.known.prepared(self.record.flight, settings, build)
+        return self.identified.prepared(self.record.flight, settings, build)
 
 
 class ObservationStream:
@@ -89,7 +89,7 @@ class ObservationStream:
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
         self._looked_s = -np.inf  # when noise was identified last
-        self._known = Identification()  # by then
+        self._identified = Identification()  # by then
 
     @classmethod
     def replay(cls, flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
@@ -122,7 +122,7 @@ class ObservationStream:
         if piece.networks:
             raise BadInputError(f"flight {piece.name}: a stream of observations takes no networks")
         if not self._spans:
-            self._spans.append(_Span(-np.inf, self._known, GoingOn(piece)))
+            self._spans.append(_Span(-np.inf, self._identified, GoingOn(piece)))
         else:
             grown = [joined(span.record.flight, piece) for span in self._spans]
             for span, flight in zip(self._spans, grown, strict=True):
@@ -175,7 +175,7 @@ class ObservationStream:
                 self._last_s = at_s
         while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
             del self._spans[0]
-        if len(self._spans) == 1 and not self._spans[0].known.is_open:
+        if len(self._spans) == 1 and not self._spans[0].identified.is_open:
             record = self._spans[0].record
             self._spans[0].record = going_on(record.flight, problems[-1]) or record
         return due
@@ -195,10 +195,12 @@ class ObservationStream:
         self._looked_s = at_s
         flight, settings = self._whole(), self._method.preparation
         build = partial(build_problem, last=LastObservations())
-        known = self._known = identification(flight, settings, at_s, build, self._known)
+        identified = self._identified = identification(
+            flight, settings, at_s, build, self._identified
+        )
         is_first = len(self._spans) == 1 and self._spans[0].from_s == -np.inf
-        if not (is_first and known.is_nominal):
-            self._spans.append(_Span(at_s, known, GoingOn(flight)))
+        if not (is_first and identified.is_nominal):
+            self._spans.append(_Span(at_s, identified, GoingOn(flight)))
 
     def _stated(self) -> PreparedFlight:
         """Return the problem with noise as stated, up to where the heading is known."""

@@ -227,7 +227,9 @@ class Smoother:
                 notes = (*notes, f"Noise is nominal; it could not be estimated ({error}).")
             else:
                 notes = (*notes, *noise_notes(flight, found))
-                prepared = replace(prepared, implausible=implausible(flight.imu, found))
+                interval_s = float(np.median(np.diff(prepared.problem.t_s)))
+                excess = implausible(flight.imu, found, interval_s)
+                prepared = replace(prepared, implausible=excess)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
@@ -242,7 +244,7 @@ class Smoother:
         settings = self.preparation
         prepared = build_problem(flight, settings)
         if self.noise == "identified":
-            from fgnav.noise.past import stretches  # noqa: PLC0415  # lazy: the chain
+            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: the chain
 
             ahead_s = self.lag_s + 2 * BLOCK_S
             build = partial(build_problem, last=LastObservations())

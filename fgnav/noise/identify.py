@@ -1,8 +1,8 @@
-"""Noise, clock, latency and lever arm of a flight, found from the flight itself.
+"""Noise, clock, latency and lever arm of a flight, result from the flight itself.
 
 One marginal likelihood serves flights with and without phases. Its hyperparameters are the noises
 of ``components`` and the errors of satellites; clock, latency and lever arm are constants of the
-same problem. Timestamps are moved by the clock that is found until nothing is left to move.
+same problem. Timestamps are moved by the clock that is result until nothing is left to move.
 
 References
 ----------
@@ -107,10 +107,10 @@ class Hyperparameters:
 
     def _requests(self, settings: ProblemSettings) -> tuple[CalibrationRequest, ...]:
         requested = [one.kind for one in settings.calibration]
-        found = {one.kind: one for one in self.significant if one.kind not in requested}
-        requests = calibration_requests(list(found))
+        result = {one.kind: one for one in self.significant if one.kind not in requested}
+        requests = calibration_requests(list(result))
         return tuple(
-            replace(one, start=float(found[LATENCY].value[0])) if one.kind == LATENCY else one
+            replace(one, start=float(result[LATENCY].value[0])) if one.kind == LATENCY else one
             for one in requests
         )
 
@@ -142,11 +142,11 @@ def identified(
         If the flight has no problem.
     """
     exact = with_exact_timestamps(flight)
-    found, last = hyperparameters(exact, settings, build)
-    if not found.is_nominal:
+    result, last = hyperparameters(exact, settings, build)
+    if not result.is_nominal:
         alike = replace(settings, interval_priors=_rate_prior(last))
-        return found, found.prepared(flight, alike, build)
-    return found, last if exact is flight else build(flight, settings)
+        return result, result.prepared(flight, alike, build)
+    return result, last if exact is flight else build(flight, settings)
 
 
 def with_exact_timestamps(flight: Flight) -> Flight:
@@ -196,8 +196,8 @@ def hyperparameters(
         If there is no minimum about which to identify anything.
     """
     middle_s = 0.0 if flight.imu is None else middle_of_record_s(flight.imu)
-    found = begin or Hyperparameters()
-    clock, theta = found.clock.at(middle_s - found.middle_s), found.theta
+    result = begin or Hyperparameters()
+    clock, theta = result.clock.at(middle_s - result.middle_s), result.theta
     if prepared is None or clock:
         prepared = build(clock.applied(flight, middle_s), settings)
     for _ in range(_PASSES):
@@ -207,15 +207,15 @@ def hyperparameters(
         satellites = _satellites(at, prepared)
         posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
-        first = {one.kind: one for one in found.calibrated}
-        found = replace(
+        first = {one.kind: one for one in result.calibrated}
+        result = replace(
             _hyperparameters(posterior),
             satellites=satellites,
             clock=clock,
             middle_s=middle_s,
             calibrated=tuple(one.gaining(first.get(one.kind, one)) for one in now),
         )
-        theta = found.theta
+        theta = result.theta
         step = next((one for one in now if one.kind == CLOCK), None)
         is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
         if step is None or not (clock or is_off):
@@ -224,16 +224,16 @@ def hyperparameters(
             break
         clock = clock.plus(*step.value.tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
-    return replace(found, clock=clock, calibrated=_with_total(found.calibrated, clock)), prepared
+    return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
 
 
-def _with_total(found: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:
+def _with_total(result: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:
     """Return constants whose clock has what timestamps were moved by, and is significant if so."""
     return tuple(
         one._replace(value=one.value + np.array(clock), is_significant=True)
         if one.kind == CLOCK and clock
         else one
-        for one in found
+        for one in result
     )
 
 

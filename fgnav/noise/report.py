@@ -38,55 +38,60 @@ _WORTH_SAYING = np.log(1.5)
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
 _MEASURED_M = 0.05  # 1-sigma of an antenna's place as a tape measures it
 _CERTAIN = 4.0  # sigmas of a logarithm: 3e-5
+_NEAR_S = 1 / 3  # below, a cubic rotation between keyframes errs by less than noise
 _SIGMAS = 3.0  # of what is known before the flight
 
 
-def noise_notes(flight: Flight, found: Hyperparameters) -> tuple[str, ...]:
+def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
     """Return a sentence for each noise that differs by half from what the flight has, and set-up.
 
     Parameters
     ----------
     flight : Flight
         With its nominal noise.
-    found : Hyperparameters
+    result : Hyperparameters
     """
     usual = (*unstated(flight), *_usual_of_gnss(flight.gnss_noise))
-    factors = {**found.factors, **found.satellites}
+    factors = {**result.factors, **result.satellites}
     notes = [
         _sentence(flight.imu, name, factor, is_usual=name.removesuffix(AT_REST) in usual)
         for name, factor in factors.items()
         if abs(np.log(factor)) > _WORTH_SAYING
     ]
-    return (*notes, *sentences(found.calibrated))
+    return (*notes, *sentences(result.calibrated))
 
 
-def implausible(imu: Imu | None, found: Hyperparameters) -> dict[str, float]:
+def implausible(imu: Imu | None, result: Hyperparameters, interval_s: float) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
     Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
     lever arm is measured to a tape's sigma, and a latency is within what is known before the flight
-    and not negative.
+    and not negative. Without a gyroscope, noise also stands for what the path of the rotation
+    between distant keyframes leaves of the force: then it is not tested.
 
     Parameters
     ----------
     imu : Imu or None
         With its nominal noise.
-    found : Hyperparameters
+    result : Hyperparameters
+    interval_s : float
+        Between keyframes.
     """
     ratios = {}
-    for one in found.significant:
+    for one in result.significant:
         if one.kind == LEVER_ARM:
             ratios["lever arm"] = float(np.linalg.norm(one.value)) / (_SIGMAS * _MEASURED_M)
         if one.kind == LATENCY:
             sigma_s = one.prior_sigma if one.value[0] > 0.0 else float(one.sigma[0])
             ratios["velocity latency"] = abs(float(one.value[0])) / (_SIGMAS * sigma_s)
     if imu is not None:
-        ratios |= _noise_ratios(imu, found.factors, found.sigmas)
+        if imu.w_b_radps is not None or interval_s < _NEAR_S:
+            ratios |= _noise_ratios(imu, result.factors, result.sigmas)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():
             walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
             if walk and bias:
-                factor = found.factors.get(f"{sensor} bias", 1.0)
+                factor = result.factors.get(f"{sensor} bias", 1.0)
                 ratios[f"{sensor} bias"] = float(factor * walk * root_s / (_SIGMAS * bias))
                 if factor <= 1.0:  # as stated
                     del ratios[f"{sensor} bias"]
@@ -106,7 +111,7 @@ def _noise_ratios(
     if run.stop - run.start < FEWEST:
         return {}
     step_s = float(np.median(np.diff(imu.t_s[run])))
-    found = {}
+    ratios: dict[str, float] = {}
     for name, values in zip(WHITE, (imu.f_b_mps2, imu.w_b_radps), strict=True):
         density = getattr(imu, FIELDS[name])
         if values is not None and factors.get(name, 1.0) > 1.0:
@@ -114,8 +119,8 @@ def _noise_ratios(
             largest = float(deviation[0].max() * np.sqrt(tau_s[0]))
             ratio = factors[name] * density / max(largest, np.finfo(float).tiny)
             if np.log(ratio) > _CERTAIN * sigmas.get(name, 0.0):
-                found[name] = ratio
-    return found
+                ratios[name] = ratio
+    return ratios
 
 
 def _sentence(imu: Imu | None, name: str, factor: float, *, is_usual: bool) -> str:

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.diagnostics.samples import instrument_findings, sample_findings
+from fgnav.diagnostics.contents import instrument_findings, sample_findings
 from fgnav.types.flight import Imu
 from tests.robustness.faults import right_flights
 

@@ -104,7 +104,7 @@ def orbits_of_files(
     """Return the messages and the tables of files, each None where no file is named."""
     broadcast = precise = None
     if navigation:
-        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: it loads RTKLIB
+        from fgnav.io.rinex.reader import read_navigation  # noqa: PLC0415  # lazy: few have such files
 
         broadcast = read_navigation([Path(name) for name in navigation], start_gps_s)
     if orbits:

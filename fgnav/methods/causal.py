@@ -28,23 +28,23 @@ class Identification:
 
     Attributes
     ----------
-    found : Hyperparameters
+    hyperparameters : Hyperparameters
     is_open : bool
         Whether there is no minimum yet about which to identify anything: the heading stays open.
     """
 
-    found: Hyperparameters = field(default_factory=Hyperparameters)
+    hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
     is_open: bool = False
 
     @property
     def is_nominal(self) -> bool:
         """Whether all is as stated."""
-        return self.found.is_nominal and not self.is_open
+        return self.hyperparameters.is_nominal and not self.is_open
 
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight that goes on."""
-        prepared = self.found.prepared(flight, settings, build)
-        notes = (*prepared.notes, *noise_notes(flight, self.found))
+        prepared = self.hyperparameters.prepared(flight, settings, build)
+        notes = (*prepared.notes, *noise_notes(flight, self.hyperparameters))
         prepared = replace(prepared, notes=notes)
         if not self.is_open or prepared.opening is None:
             return prepared
@@ -74,15 +74,15 @@ def stretches(
     """
     end_s = float(prepared.problem.t_s[-1])
     times_s = identification_times_s(prepared, end_s)
-    known = [Identification()]
+    results = [Identification()]
     for s in times_s:
-        known.append(identification(flight, settings, s, build, known[-1]))
-    if all(one.is_nominal for one in known):
+        results.append(identification(flight, settings, s, build, results[-1]))
+    if all(one.is_nominal for one in results):
         return ()
     parts: list[Stretch] = []
     before: Identification | None = None
     edges_s = [-np.inf, *times_s, np.inf]
-    for begin_s, until_s, one in zip(edges_s[:-1], edges_s[1:], known, strict=True):
+    for begin_s, until_s, one in zip(edges_s[:-1], edges_s[1:], results, strict=True):
         part = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
         try:
             problem = one.prepared(part, settings, build)
@@ -136,7 +136,9 @@ def identification(
     except NoSolutionError:  # next to nothing is there yet
         return Identification()
     try:
-        return Identification(hyperparameters(past, whole, build, prepared, before.found)[0])
+        return Identification(
+            hyperparameters(past, whole, build, prepared, before.hyperparameters)[0]
+        )
     except NoSolutionError:
         opening = prepared.opening
         return Identification(is_open=opening is not None and opening.until_s == np.inf)
