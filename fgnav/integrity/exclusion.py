@@ -29,6 +29,7 @@ INSTRUMENTS = {
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
 }
+_SET_UP = ("lever arm", "velocity latency")
 _OBSERVED = {"velocity": "doppler_hz", "array phases": "phase_cycles", "phase": "phase_cycles"}
 _OF_FIXES = ("p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 _SAMPLES = ("t_s", "height_m", "field_b_ut", "currents", *_OF_FIXES)
@@ -54,7 +55,7 @@ def without_contradictions(
     again : callable
         The same method.
     """
-    if all(one.test == "plausibility" for one in estimate.verdicts):  # of no sensor's measurements
+    if all(one.sensor in _SET_UP for one in estimate.verdicts):  # of no sensor's measurements
         return estimate
     for exclusion in islice(exclusions(flight, estimate.verdicts), _TRIALS):
         try:
