@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry.rotations import to_euler
 from fgnav.gnss.single_point import atmosphere_choice
 from fgnav.methods.observation_stream import ObservationStream
@@ -22,7 +21,6 @@ from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
-from tests.robustness.faults import FAULTS, right_flights
 
 STATED = Forward(noise="stated")
 ONE = ((0.5, 0.1, 0.0),)
@@ -113,15 +111,6 @@ def test_noise_is_identified_anew_while_it_runs(monkeypatch):
     prepared = Forward().prepare(flight)
     assert len(prepared.stretches) > 1
     whole = Forward().estimate_prepared(flight, prepared)
-    assert_joined(ObservationStream.replay(flight, Forward()), whole)
-
-
-def test_a_sensor_that_contradicts_is_left_out_while_it_runs():
-    """Of a detector whose currents are exchanged, from the same second on."""
-    fault = next(one for one in FAULTS if one.name == "currents exchanged")
-    flight = truncated(fault.damaged(right_flights()[fault.flight]), 3.0)
-    whole = Forward()(flight)
-    assert any(one.what == "line of sight" for one in whole.rejections)
     assert_joined(ObservationStream.replay(flight, Forward()), whole)
 
 

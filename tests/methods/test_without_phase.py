@@ -27,6 +27,11 @@ HEADING = pytest.mark.xfail(
     reason="neither array nor gyroscope: the turn about gravity is open (docs/model.md)"
 )
 
+NOISE = pytest.mark.xfail(
+    reason="noise is identified by the usual prior of the rate, before that of the flight: a lever "
+    "arm of 1.1 m, an accelerometer at 110 x its nominal noise (attitude NEES 15)"
+)
+
 
 @pytest.fixture(scope="module")
 def flight():
@@ -57,15 +62,17 @@ def first_half(number):
 
 def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     """Full steps cross the valley to and fro: after a hundred they still were at it."""
-    prepared = Batch(gravity=Pair(interval_s=6.0)).prepare(first_half(1))
+    prepared = Batch(gravity=Pair(interval_s=6.0), noise="stated").prepare(first_half(1))
     assert solve_batch(prepared.problem).converged
 
 
+@pytest.mark.parametrize("noise", ["stated", pytest.param("identified", marks=NOISE)])
 @pytest.mark.parametrize("number", [4, 14])
-def test_a_spin_is_solved_without_phase(number):
+def test_a_spin_is_solved_without_phase(number, noise):
     """1.2 and 4.6 turns a second."""
     flight = first_half(number)
-    estimate = Batch()(flight)
+    estimate = Batch(noise=noise)(flight)
+    assert estimate.consistent
     assert estimate.converged
     assert not any(loss.what == "velocity" for loss in estimate.losses)
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
@@ -100,13 +107,13 @@ def test_a_minimum_counts_where_it_explains_what_was_measured():
     loud = dataclasses.replace(
         flight, fixes=dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3)
     )
-    assert Batch()(flight).converged
-    estimate = shared(Batch(), loud)
+    assert Batch(noise="stated")(flight).converged
+    estimate = shared(Batch(noise="stated"), loud)
     assert not estimate.converged
     assert estimate.unobservable == ("turn about the specific force",)
     text = "attitude: the turn about the specific force is left open: .* explains the measurements"
     with pytest.raises(NoSolutionError, match=text):
-        shared(Smoother(), loud)
+        shared(Smoother(noise="stated"), loud)
 
 
 @pytest.mark.parametrize("every", [20, 30, 60])

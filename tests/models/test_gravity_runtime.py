@@ -165,4 +165,4 @@ def test_only_methods_that_use_gravity_are_given_it():
 
 def test_the_command_refuses_gravity_that_no_method_uses(capsys):
     assert main(["compare", "nowhere", "--method", "rtk", "--gravity", "low-dynamics"]) == 2
-    assert "--gravity: only smoother, forward, batch, gtsam use it" in capsys.readouterr().err
+    assert "--gravity: only smoother, forward, batch use it" in capsys.readouterr().err

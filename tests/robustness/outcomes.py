@@ -210,9 +210,3 @@ def limits() -> Iterator[None]:
         signal.setitimer(signal.ITIMER_PROF, 0)
         resource.setrlimit(resource.RLIMIT_AS, before)
         signal.signal(signal.SIGPROF, handler)
-
-
-def summary(outcomes: list[Outcome]) -> dict[str, int]:
-    """Return how many there are of each kind."""
-    kinds = [one.kind for one in outcomes]
-    return {kind: kinds.count(kind) for kind in (*GOOD, *BAD)}

@@ -1,1 +1,1 @@
-"""Flights, faults of theirs and what they lack, drawn from seeds."""
+"""Flights and faults of theirs, drawn from seeds."""
