@@ -93,9 +93,9 @@ def coarse_offset(searches: Sequence[Search]) -> Search | None:
     offsets_s = [one.offset_s for one in found]
     if not found or max(offsets_s) - min(offsets_s) > _APART_S:
         return None
-    best = min(found, key=lambda one: one.sigma_s)
-    is_other = best.is_better and abs(best.offset_s) > COARSE_S and best.sigma_s < _SIGMA_S
-    return best if is_other else None
+    other = [one for one in found if one.is_better and abs(one.offset_s) > COARSE_S]
+    best = min(other, key=lambda one: one.sigma_s, default=None)
+    return best if best is not None and best.sigma_s < _SIGMA_S else None
 
 
 def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -> list[Search]:

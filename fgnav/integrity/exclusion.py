@@ -22,12 +22,14 @@ from fgnav.types.flight import Flight
 _TRIALS = 2  # each takes as long as the flight
 _MARGIN_S = 1.0  # blocks are a second long: what spoils one may reach into the next
 _THROUGHOUT = 0.5  # share of a record
+_WEIGHTLESS = 1e3  # on a standard deviation
 # Fields of a flight by the name of their measurement.
 INSTRUMENTS = {
     "line of sight": "seeker",
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
 }
+_SET_UP = ("lever arm", "velocity latency")
 _OBSERVED = {"velocity": "doppler_hz", "array phases": "phase_cycles", "phase": "phase_cycles"}
 _OF_FIXES = ("p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 _SAMPLES = ("t_s", "height_m", "field_b_ut", "currents", *_OF_FIXES)
@@ -53,7 +55,7 @@ def without_contradictions(
     again : callable
         The same method.
     """
-    if all(one.test == "plausibility" for one in estimate.verdicts):  # of no sensor's measurements
+    if all(one.sensor in _SET_UP for one in estimate.verdicts):  # of no sensor's measurements
         return estimate
     for exclusion in islice(exclusions(flight, estimate.verdicts), _TRIALS):
         try:
@@ -106,8 +108,13 @@ def _without(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:
 
     An instrument of whose record most is concerned is left out whole; other sensors stay.
     """
-    field = INSTRUMENTS.get(sensor)
-    if field is None and flight.observations is None and sensor in ("position", "velocity"):
+    field, fixes = INSTRUMENTS.get(sensor), flight.fixes
+    if fixes is not None and fixes.velocity_sigma_mps is not None and sensor == "velocity":
+        inside = _inside(fixes.t_s, spans)  # positions stay: velocities without weight instead
+        sigma_mps = fixes.velocity_sigma_mps * np.where(inside, _WEIGHTLESS, 1.0)[:, None]
+        changed = replace(fixes, velocity_sigma_mps=sigma_mps)
+        return None if inside.mean() > _THROUGHOUT else replace(flight, fixes=changed)
+    if field is None and fixes is not None and sensor == "position":
         field = "fixes"
     if field is not None:
         record = getattr(flight, field)

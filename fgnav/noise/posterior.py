@@ -21,10 +21,12 @@ from fgnav.solve.chain import solve_batch
 # Cauchy's distribution: near the nominal it is a normal one of that sigma, and what is far off is
 # hardly drawn back (Gelman, Prior distributions for variance parameters, 2006).
 _STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
+_NEARLY = 0.5  # a step of theta that is small enough where patience is at its end
 _SAME_COST = 0.5  # what is left of it then is a quarter of a unit of log-likelihood
-_ITERATIONS = 30
+_ITERATIONS, _PATIENCE = 30, 20
 _DESCENT = 10  # steps towards the minimum between two of theta
 _LARGEST_STEP = 1.2  # of theta: a factor of 3.3
+_ENOUGH = 6.0  # redundancy that outweighs the prior of what is stated
 _FAR = 4.0  # of squares over redundancy: beyond, theta moves by half its logarithm
 _SETTLED, _SETTLED_SIGMAS = 0.03, 0.3  # a step below either of them is the last
 _RAISED = np.log(10.0)  # at the beginning, until the data fit
@@ -93,16 +95,16 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     theta, states = _begin(components, np.maximum(begin, prior.least))
     damping: FloatArray = np.ones(len(theta))
     last: FloatArray = np.zeros(len(theta))
-    for _ in range(_ITERATIONS):
+    for iteration in range(_ITERATIONS):
         problem = components.problem_at(theta)
         solution = solve_batch(problem, begin=states, most=_DESCENT)
         states = solution.states
         score = components.score(theta, problem, solution)
         sigma = 1 / np.sqrt(np.diag(score.information) + prior.weight(theta))
         step = _step(score, theta, prior)
-        settled = (np.abs(step) < np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)).all()
+        enough = np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)
         is_minimum = solution.converged or abs(solution.cost - cost) < _SAME_COST
-        if settled and is_minimum:
+        if is_minimum and (np.abs(step) < np.where(iteration < _PATIENCE, enough, _NEARLY)).all():
             return NoisePosterior(components, theta, sigma, problem, solution)
         # Noise and states may undo each other's changes: a component that turns goes half as far.
         damping = np.where(step * last < 0.0, damping / 2, np.minimum(2 * damping, 1.0))
@@ -144,7 +146,7 @@ def _step(score: Score, theta: FloatArray, prior: Prior) -> FloatArray:
     step: FloatArray = np.zeros(len(theta))
     step[free] = np.linalg.solve(H, uphill[free])
     ratio = (score.squares / score.redundancy.clip(1e-3)).clip(1e-6)
-    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > weight)
+    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > _ENOUGH)
     step[free] = np.where(far, np.log(ratio) / 2, step)[free]
     return np.asarray(np.maximum(step.clip(-_LARGEST_STEP, _LARGEST_STEP), prior.least - theta))
 
