@@ -1,6 +1,6 @@
 """The most probable noise of a problem: Fisher scoring on its marginal likelihood and a prior.
 
-The states are integrated out at their minimum (Laplace), which is found anew after each step. The
+The states are integrated out at their minimum (Laplace), which is first anew after each step. The
 prior of theta, the logarithm of a factor on a standard deviation, is about the nominal.
 """
 
@@ -99,19 +99,19 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     NoSolutionError
         If the problem has no minimum at which to identify its noise.
     """
-    found = _climbed(components, prior, np.maximum(begin, prior.least))
+    first = _climbed(components, prior, np.maximum(begin, prior.least))
     names = np.array(components.names)
     walks = np.char.endswith(names, "bias")
-    if not (found.theta[walks] > _STATED).any():
-        return found
+    if not (first.theta[walks] > _STATED).any():
+        return first
     # A random walk of a bias that explains residuals may stand for white noise: a maximum beside.
-    other = np.where(walks, prior.least.clip(0.0), found.theta)
+    other = np.where(walks, prior.least.clip(0.0), first.theta)
     other[np.isin(names, WHITE)] += _RAISED
     try:
         beside = _climbed(components, prior, other)
     except NoSolutionError:
-        return found
-    return max(found, beside, key=lambda one: one.log_density(prior))
+        return first
+    return max(first, beside, key=lambda one: one.log_density(prior))
 
 
 def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
