@@ -1,6 +1,6 @@
 """The most probable noise of a problem: Fisher scoring on its marginal likelihood and a prior.
 
-The states are integrated out at their minimum (Laplace), which is found anew after each step. The
+The states are integrated out at their minimum (Laplace), which is first anew after each step. The
 prior of theta, the logarithm of a factor on a standard deviation, is about the nominal.
 """
 
@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
-from fgnav.solve.chain import solve_batch
+from fgnav.solve.chain import log_evidence, solve_batch
 
 # Scale of theta's prior. What is stated holds to a factor of 1.5. White noise of small inertial
 # units in motion is 1 to 200 times the figure of their data sheets, so the prior has the tails of
@@ -43,6 +43,10 @@ class Prior(NamedTuple):
     def weight(self, theta: FloatArray) -> FloatArray:
         """Return the factor w of the prior's slope, ``-w theta``: of Cauchy's density."""
         return np.asarray(2.0 / (2.0 * self.sigma**2 + theta**2))
+
+    def log_density(self, theta: FloatArray) -> float:
+        """Return the logarithm of Cauchy's density, but for a constant."""
+        return -float(np.log1p(theta**2 / (2.0 * self.sigma**2)).sum())
 
     @classmethod
     def of(cls, names: tuple[str, ...], stated: BoolArray) -> "Prior":
@@ -75,6 +79,10 @@ class NoisePosterior(NamedTuple):
     problem: SmoothingProblem
     solution: Solution
 
+    def log_density(self, prior: Prior) -> float:
+        """Return the logarithm of the posterior density of theta, but for a constant."""
+        return log_evidence(self.problem, self.solution.states) + prior.log_density(self.theta)
+
 
 def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
     """Return the most probable noise.
@@ -91,8 +99,25 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     NoSolutionError
         If the problem has no minimum at which to identify its noise.
     """
+    first = _climbed(components, prior, np.maximum(begin, prior.least))
+    names = np.array(components.names)
+    walks = np.char.endswith(names, "bias")
+    if not (first.theta[walks] > _STATED).any():
+        return first
+    # A random walk of a bias that explains residuals may stand for white noise: a maximum beside.
+    other = np.where(walks, prior.least.clip(0.0), first.theta)
+    other[np.isin(names, WHITE)] += _RAISED
+    try:
+        beside = _climbed(components, prior, other)
+    except NoSolutionError:
+        return first
+    return max(first, beside, key=lambda one: one.log_density(prior))
+
+
+def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
+    """Return the maximum to which Fisher scoring leads."""
     cost = np.inf
-    theta, states = _begin(components, np.maximum(begin, prior.least))
+    theta, states = _begin(components, begin)
     damping: FloatArray = np.ones(len(theta))
     last: FloatArray = np.zeros(len(theta))
     for iteration in range(_ITERATIONS):
