@@ -39,13 +39,12 @@ def test_a_filter_waits_until_motion_has_told_the_heading(solver):
     assert np.mean(figures) < 6.0
 
 
-@pytest.mark.parametrize("solver", ["gtsam", "chain"])
-def test_what_leaves_a_window_knows_biases_by_what_they_did(solver):
+def test_what_leaves_a_window_knows_biases_by_what_they_did():
     """Level is three degrees off at first, the accelerometer's bias 2.5 of its sigmas."""
     figures = []
     for seed in (1, 2):
         flight = flown(seed, biased=True)
-        estimate = shared(Smoother(noise="stated", solver=solver), flight)
+        estimate = shared(Smoother(noise="stated"), flight)
         figures.append(nees(flight, estimate))
     assert np.mean(figures) < 6.25  # that of the bias by its prior; 27 in body axes
 

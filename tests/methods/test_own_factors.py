@@ -21,7 +21,7 @@ from tests.frontend import flights
 from tests.methods.simulated import errors_rad, flown, shared
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own
 
-METHODS = [Smoother(lag_s=2.0), Forward(), Batch()]
+METHODS = [Smoother(lag_s=2.0, noise="stated"), Forward(noise="stated"), Batch(noise="stated")]
 SEEDS = (20_001, 20_002, 20_003)
 SPAN_S = 10.0
 ODDS = 1e-3  # of a chi-square outside its band

@@ -65,7 +65,11 @@ CASES = {
     "float arcs": Case(None, {"resolver": Cut()}),
     "states between epochs": Case(scenario("demo", SPAN_S), rate_hz=25.0),
 }
-METHODS = {"smoother": Smoother(lag_s=2.0), "forward": Forward(), "batch": Batch()}
+METHODS = {
+    "smoother": Smoother(lag_s=2.0, noise="stated"),
+    "forward": Forward(noise="stated"),
+    "batch": Batch(noise="stated"),
+}
 
 
 def solved(which, name):
