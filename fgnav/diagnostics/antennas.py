@@ -121,7 +121,7 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
         return Finding("antennas exchanged", exchange.message(flight), mend)
-    if seen is None or fits.mean() >= _WRONG:
+    if seen is None or fits.all() or fits.mean() >= _WRONG:
         return None
     evidence = f"{100 * fits.mean():.0f} % of {len(fits)} epochs fit the given places"
     every = range(len(antennas) if len(antennas) > 2 else 0)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.diagnostics.antennas import exchanged_antennas
+from fgnav.diagnostics.antennas import Exchange, exchanged_antennas
 from fgnav.diagnostics.array import ArrayAttitudes
 from fgnav.diagnostics.clock import COARSE_S, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import GAP
@@ -60,16 +60,10 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     ()
     """
     notes: tuple[str, ...] = ()
-    if flight.observations is not None and len(flight.antennas) >= _ARRAY:
-        differences = double_differences(flight) if array is None else array.differences
-        fixed = np.zeros(len(differences.t_s), dtype=np.bool_)
-        if array is not None:
-            is_open = differences.resolvable & np.isnan(array.ranges_m)
-            fixed = np.asarray(~is_open.any(axis=(1, 2)))
-        exchange = exchanged_antennas(differences, fixed)
-        if exchange is not None:
-            notes = (f"Antennas {exchange.message(flight)}; corrected.",)
-            flight = exchange.corrected(flight)
+    exchange = _exchange(flight, array)
+    if exchange is not None:
+        notes = (f"Antennas {exchange.message(flight)}; corrected.",)
+        flight = exchange.corrected(flight)
     imu, motion = flight.imu, _motion(flight)
     if imu is None or motion is None:
         return Corrected(flight, notes)
@@ -79,6 +73,21 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
             motion, notes = replace(motion, imu=corrected[0]), (*notes, corrected[1])
     is_same = motion.imu is imu
     return Corrected(flight if is_same else replace(flight, imu=motion.imu), notes)
+
+
+def _exchange(flight: Flight, array: ArrayRanges | None) -> Exchange | None:
+    """Return antennas that are exchanged; None also without a position of the reference antenna."""
+    if flight.observations is None or len(flight.antennas) < _ARRAY:
+        return None
+    try:
+        differences = double_differences(flight) if array is None else array.differences
+    except NoSolutionError:
+        return None
+    fixed = np.zeros(len(differences.t_s), dtype=np.bool_)
+    if array is not None:
+        is_open = differences.resolvable & np.isnan(array.ranges_m)
+        fixed = np.asarray(~is_open.any(axis=(1, 2)))
+    return exchanged_antennas(differences, fixed)
 
 
 def _motion(flight: Flight) -> Motion | None:

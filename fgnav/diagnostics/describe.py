@@ -85,11 +85,11 @@ def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
         if not quick and out.add(_leap_finding(flight, observations)):
             return None
         flight = replace(flight, observations=middle_of(observations, _QUICK if quick else LONGEST))
-        differences = double_differences(flight) if len(flight.antennas) > 1 else None
-        if differences is not None and out.add(antenna_finding(flight, differences)):
-            return out.skip("motion", "not before the antennas are right")
         try:
             fixes = None
+            differences = double_differences(flight) if len(flight.antennas) > 1 else None
+            if differences is not None and out.add(antenna_finding(flight, differences)):
+                return out.skip("motion", "not before the antennas are right")
             fixes = fixes_by_code(flight)
             if differences is not None and len(flight.antennas) >= _ARRAY:
                 array = ArrayAttitudes(flight, differences, fixes)
@@ -129,8 +129,8 @@ def _check_imu(
     out.add(*checks)
     if any(finding is not None and finding.certain for finding in checks):
         out.skip("imu axes, clock, lever arm", "not before its units and axes are right")
-    elif fixes is None or len(fixes.t_s) < 2:
-        reason = "requires fixes, or raw GNSS data of three antennas"
+    elif fixes is None or ((fixes.t_s >= imu.t_s[0]) & (fixes.t_s <= imu.t_s[-1])).sum() < 2:
+        reason = "requires fixes, or raw GNSS data of three antennas, within its record"
         out.skip("imu axes, clock, lever arm", reason)
     elif array is None and imu.w_b_radps is None:
         out.skip("imu axes, clock, lever arm", "requires a gyroscope")

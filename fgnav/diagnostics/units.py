@@ -85,7 +85,7 @@ def unit_finding(imu: Imu, forces: MeanForces | None) -> Finding | None:
         if abs(ratio - 1) > _TOLERANCE and abs(ratio * factor - 1) < _TOLERANCE:
             text += f"specific force is {unit}"
             return Finding("imu unit", text, f"multiply by {factor:.6g}", _FORCES, certain=True)
-    block = max(1, round(_MEAN_S * rate_hz))
+    block = min(max(1, round(_MEAN_S * rate_hz)), len(size))
     blocks = imu.f_b_mps2[: len(size) // block * block].reshape(-1, block, 3)
     steady_mps2 = np.median(np.linalg.norm(blocks.mean(axis=1), axis=1))
     if abs(steady_mps2 / np.median(expected_mps2) / G_MPS2 - 1) < _TOLERANCE:

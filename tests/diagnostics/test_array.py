@@ -96,7 +96,7 @@ def test_what_the_motion_cannot_tell_is_said():
     flight = flown("demo")
     still = replace(flight, antennas=flight.antennas[:1], observations=None, truth=None)
     (unchecked,) = describe(still).unchecked
-    assert unchecked.text == "requires fixes, or raw GNSS data of three antennas"
+    assert unchecked.text == "requires fixes, or raw GNSS data of three antennas, within its record"
 
 
 def test_two_antennas_cannot_judge_motion_and_say_so(shared, tmp_path):

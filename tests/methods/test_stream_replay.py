@@ -9,13 +9,13 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import to_euler
 from fgnav.gnss.single_point import atmosphere_choice
+from fgnav.methods import causal
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.stream import Stream
 from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
-from fgnav.noise import past
 from fgnav.types.flight import InitialAttitude
 from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
 from fgnav_sim.scenario import FixesTable
@@ -103,7 +103,7 @@ def test_every_epoch_is_answered_when_it_comes():
 
 def test_noise_is_identified_anew_while_it_runs(monkeypatch):
     """Of velocities twice as loud as stated, the heading stated; looked at sooner."""
-    monkeypatch.setattr(past, "_FIRST_S", 5.0)
+    monkeypatch.setattr(causal, "_FIRST_S", 5.0)
     made = scenario("six", 7.0, fixes=True, gyroscope=True)
     flight = simulate(made, np.random.default_rng(41_010))
     fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 2)
