@@ -129,7 +129,7 @@ def _rate_priors(
         return np.tile(prior.poles_per_s, (n, 1, 1)), variance, (prior_note(prior),)
     note = (
         f"Rate prior ({_shape(varying.poles_per_s)} about a constant): its scale varies "
-        f"with the motion: {varying.gained_nats:.0f} nats likelier than a constant one."
+        f"with the motion: {varying.evidence_gain:.0f} of log evidence above a constant one."
     )
     latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
     return (

@@ -44,6 +44,7 @@ from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
+    from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
 
@@ -212,24 +213,8 @@ class Smoother:
         settings = self.preparation
         build = partial(build_problem, last=LastObservations())
         flight, notes = corrected_set_up(flight)
-        if self.noise == "stated":
-            prepared = build(flight, settings)
-        else:
-            from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
-            from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
-
-            flight, of_record = _with_noise_of_record(flight)
-            notes += of_record
-            try:
-                found, prepared = identified(flight, settings, build)
-            except NoSolutionError as error:
-                prepared = build(flight, settings)
-                notes = (*notes, f"Noise is nominal; it could not be estimated ({error}).")
-            else:
-                notes = (*notes, *noise_notes(flight, found))
-                interval_s = float(np.median(np.diff(prepared.problem.t_s)))
-                excess = implausible(flight.imu, found, interval_s)
-                prepared = replace(prepared, implausible=excess)
+        make = build if self.noise == "stated" else partial(_identified, build=build)
+        prepared = make(flight, settings)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
             from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
@@ -376,11 +361,27 @@ def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationS
     return () if found is None else (found,)
 
 
-def _with_noise_of_record(flight: Flight) -> tuple[Flight, tuple[str, ...]]:
-    if flight.imu is None:
-        return flight, ()
-    imu, notes = with_noise_of_record(flight.imu)
-    return (replace(flight, imu=imu) if notes else flight), notes
+def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> PreparedFlight:
+    """Return the problem of a flight with noise and times that it determines."""
+    from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
+    from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
+
+    notes: tuple[str, ...] = ()
+    if flight.imu is not None:
+        imu, notes = with_noise_of_record(flight.imu)
+        flight = replace(flight, imu=imu)
+    try:
+        result, prepared = identified(flight, settings, build)
+    except NoSolutionError as error:
+        prepared = build(flight, settings)
+        note = f"Noise is nominal; it could not be estimated ({error})."
+        return replace(prepared, notes=(*prepared.notes, *notes, note))
+    interval_s = float(np.median(np.diff(prepared.problem.t_s)))
+    return replace(
+        prepared,
+        implausible=implausible(flight.imu, result, interval_s),
+        notes=(*prepared.notes, *notes, *noise_notes(flight, result)),
+    )
 
 
 def _custom_series(

@@ -10,7 +10,7 @@ where the clock is right; so timestamps are moved by what is found, until nothin
 """
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from fgnav.checks import IntArray
 from fgnav.frontend.calibration_request import calibration_requests, of_time
@@ -114,4 +114,4 @@ def with_clock(problem: SmoothingProblem) -> SmoothingProblem:
         replace(motion, imu=replace(imu, t_s=imu.t_s + by_s)) for by_s in (-_STEP_S, _STEP_S)
     )
     clocked = ClockedMotion(motion, early, late, column, middle_of_record_s(imu))
-    return replace(problem.with_constants(of_time(request)), motion=clocked)
+    return replace(problem.with_constants(of_time(request)), motion=cast("Motion", clocked))

@@ -20,7 +20,7 @@ References
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.noise.rescaled import RescaledMeasurement, RescaledMotion
+
+if TYPE_CHECKING:
+    from fgnav.graph.types.motion import Motion
 
 AT_REST = " at rest"  # after the name of a component
 WHITE = ("accelerometer", "gyroscope")
@@ -122,14 +125,18 @@ class NoiseComponents:
             rows = self.problem.measurements[one.measurement].row
             of_sensor.setdefault(one.measurement, np.ones(len(rows)))[one.rows] = factor[one.name]
         measurements = tuple(
-            RescaledMeasurement(one, of_sensor[i]) if i in of_sensor else one
+            RescaledMeasurement(
+                measurement=one, constants=self.problem.constants, factors=of_sensor[i]
+            )
+            if i in of_sensor
+            else one
             for i, one in enumerate(self.problem.measurements)
         )
         white = [
             np.linalg.inv(np.linalg.cholesky(fixed + np.einsum("c,kcij->kij", variance, parts)))
             for _, parts, fixed, variance in self._intervals(theta)
         ]
-        motion = RescaledMotion(self.problem.motion, np.concatenate(white))
+        motion = cast("Motion", RescaledMotion(self.problem.motion, np.concatenate(white)))
         return replace(self.problem, motion=motion, measurements=measurements)
 
     def score(self, theta: FloatArray, problem: SmoothingProblem, solution: Solution) -> Score:
@@ -139,7 +146,7 @@ class NoiseComponents:
         own = len(self._motion)
         for k, parts, _, variance in self._intervals(theta):
             r, J, P = _interval_rows(problem, solution, k)
-            W = problem.motion.white[k][:, None]  # type: ignore[attr-defined]  # it is rescaled
+            W = cast("RescaledMotion", problem.motion).white[k][:, None]
             C = variance[:, None, None] * (W @ parts @ W.swapaxes(2, 3))
             CM = C @ (np.eye(r.shape[1]) - J @ P @ J.swapaxes(1, 2))[:, None]
             total.squares[:own] += np.einsum("ki,kcij,kj->c", r, C, r)

@@ -20,11 +20,11 @@ DEFAULT_SIGMA_RADPS = 1.0
 LONGEST_S, SHORTEST_S = 60.0, 0.05
 # Earth's rate, which the model leaves out, and the range of common MEMS gyroscopes, 2000 deg/s.
 LEAST_RADPS, MOST_RADPS = 7.3e-5, 35.0
-# Nats beyond which what has more parameters is believed: "very strong", Kass and Raftery, Bayes
-# factors, JASA 90, 1995, section 3.2.
-VERY_STRONG_NATS = 5.0
+# Log Bayes factor beyond which what has more parameters is believed: "very strong", Kass and
+# Raftery, Bayes factors, JASA 90, 1995, section 3.2.
+VERY_STRONG_EVIDENCE = 5.0
 _STEP = 1e-4  # of log hyperparameters, for differences
-_TOLERANCE_NATS, _USUAL_NATS = 0.02, 1e4
+_TOLERANCE, _USUAL_SCORE = 0.02, 1e4
 _MOST_GRADIENTS, _LINE_SEARCH = 20, 8
 
 
@@ -42,7 +42,7 @@ class RatePrior:
     variance_rad2ps2 : ndarray, shape (3,)
         About the body axes.
     evidence : float
-        Log marginal likelihood of the attitudes it was identified from, nats.
+        Log marginal likelihood of the attitudes it was identified from.
     pole_ratio : ndarray, shape (3,)
         Of p to k. A float: of all axes.
     damping_ratio : ndarray, shape (3,)
@@ -123,7 +123,7 @@ def climbed(
             jac=True,
             bounds=np.stack([lower, upper], axis=1),
             options={
-                "ftol": _TOLERANCE_NATS / _USUAL_NATS,
+                "ftol": _TOLERANCE / _USUAL_SCORE,
                 "gtol": 0.0,
                 "maxfun": _MOST_GRADIENTS,
                 "maxls": _LINE_SEARCH,

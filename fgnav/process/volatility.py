@@ -25,7 +25,7 @@ from fgnav.process.hyperparameters import (
     LEAST_RADPS,
     LONGEST_S,
     MOST_RADPS,
-    VERY_STRONG_NATS,
+    VERY_STRONG_EVIDENCE,
     RatePrior,
     climbed,
 )
@@ -44,7 +44,7 @@ from fgnav.process.score_kernel import score
 
 _BLOCK_S = 0.5
 # 1-sigma of the walk's steps, any of these alike before attitudes are seen: by their evidence a
-# glider in gusts has .25, a rocket .3, a coast and a tumble .6 (nats lost by .5: 13, 7, 2, 4).
+# glider in gusts has .25, a rocket .3, a coast and a tumble .6 (evidence lost by .5: 13, 7, 2, 4).
 _WALK_SIGMAS = np.sqrt(0.5) ** np.arange(7)
 _USUAL_WALK = 3  # of these, .35
 # How long a swing may be remembered, of the record, 1 sigma. One of constant scale is driven as its
@@ -55,7 +55,7 @@ _MEMORY = 0.2
 # Searches start with scales too large: towards too small ones attitudes are lost, and no slope is.
 _FROM_ABOVE = 1.5
 _MOST_STEP = 1.0  # of logarithms at once
-_LEVEL_NATS, _LAST_NATS = 1.0, 0.1  # less gained by a step ends a search, and the last
+_LEVEL_GAIN, _LAST_GAIN = 1.0, 0.1  # less gained by a step ends a search, and the last
 _STEPS, _HALVINGS, _ROUNDS = 20, 4, 10
 _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
@@ -70,13 +70,13 @@ class VaryingRatePrior:
         About the body axes; see ``matern``.
     variance_rad2ps2 : ndarray, shape (n - 1, 3)
         Of each interval between attitudes, about the body axes.
-    gained_nats : float
+    evidence_gain : float
         Log evidence beyond that of constant variances.
     """
 
     poles_per_s: FloatArray
     variance_rad2ps2: FloatArray
-    gained_nats: float
+    evidence_gain: float
 
 
 def varying_rate_prior(
@@ -118,12 +118,12 @@ def varying_rate_prior(
     begun = search.with_shapes(max(starts, key=lambda one: one.value))
     best = search.with_walk(search.maximum_from(begun))
     gained = search.evidence(best) - still
-    if gained < VERY_STRONG_NATS:
+    if gained < VERY_STRONG_EVIDENCE:
         return None
     return VaryingRatePrior(
         poles_per_s=poles(best.x),
         variance_rad2ps2=search.variances(best.scales),
-        gained_nats=gained,
+        evidence_gain=gained,
     )
 
 
@@ -216,12 +216,12 @@ class _Search:
         best = self.climbed(here)
         for _ in range(_ROUNDS):
             before, best = best.value, self.climbed(self.with_shapes(best))
-            if best.value - before < _LEVEL_NATS:
+            if best.value - before < _LEVEL_GAIN:
                 break
         return best
 
-    def climbed(self, here: _Point, least: float = _LEVEL_NATS) -> _Point:
-        """Return where steps of scales uphill end: where the next gains less than some nats."""
+    def climbed(self, here: _Point, least: float = _LEVEL_GAIN) -> _Point:
+        """Return where steps of scales uphill end: where the next gains less evidence."""
         for _ in range(_STEPS):
             steps = self._steps(here)
             trials = (
@@ -258,7 +258,7 @@ class _Search:
                 best, evidence, i = other, of_other, i + towards
             if best is not here:
                 break
-        return self.climbed(self.with_shapes(best), _LAST_NATS)
+        return self.climbed(self.with_shapes(best), _LAST_GAIN)
 
     def evidence(self, at: _Point) -> float:
         """Return the log evidence of shapes and levels, scales about these integrated (Laplace)."""

@@ -34,7 +34,7 @@ class Integers:
     reasons : tuple of str, length n, or None
         Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
     evidence : ndarray, shape (n,), or None
-        How much an epoch's phases speak for its integers, log odds in nats, where they were tested.
+        How much an epoch's phases speak for its integers, log odds, where they were tested.
     source : ndarray of int, shape (n, b, m), or None
         Whose integer a link has, of ``SOURCES``; None: all the resolver's.
     losses : tuple of Loss

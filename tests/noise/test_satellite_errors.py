@@ -61,7 +61,7 @@ def test_the_likelihood_is_that_of_all_rows_at_once():
     factors = dict(zip(ERRORS, np.exp(theta), strict=True))
     changed = dense_log_likelihood(with_errors(phase, factors)) - dense_log_likelihood(phase)
     own = errors.log_likelihood(theta) - errors.log_likelihood(np.zeros(5))
-    # Squares have half the digits of rows; what is asked of it are nine nats.
+    # Squares have half the digits of rows; what is asked of it are units.
     places = 3 * len(phase.row) * theta[-1]  # dense, they are among the unknowns
     np.testing.assert_allclose(own, changed - errors.count @ theta - places, rtol=0, atol=1e-3)
 

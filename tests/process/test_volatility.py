@@ -49,7 +49,7 @@ def test_score_is_the_derivative_of_the_likelihood(with_gap):
 def test_a_throw_has_a_scale_of_its_own():
     R, V = thrown(T_S, np.random.default_rng(20_041))
     varying = varying_rate_prior(T_S, R, V, rate_prior(T_S, R, V))
-    assert varying.gained_nats > 20
+    assert varying.evidence_gain > 20
     sigma = np.sqrt(varying.variance_rad2ps2)
     during = np.abs(T_S[:-1] - 15) < 0.5
     assert sigma[during, 0].max() > 20 * np.median(sigma[:, 0])

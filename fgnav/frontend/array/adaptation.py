@@ -34,7 +34,7 @@ from fgnav.attitude.array import (
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.attitude.robust import robust_attitudes
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.array.evidence import BELIEVED_NATS, epoch_evidence, votes_of
+from fgnav.frontend.array.evidence import BELIEVED_LOG_ODDS, epoch_evidence, votes_of
 from fgnav.frontend.array.exclusion import excluding, variance_factor
 from fgnav.frontend.array.links import listed, without
 from fgnav.frontend.attitude.filling import zero_order_hold
@@ -70,7 +70,7 @@ class AdaptedArray:
     refused : ndarray of bool, shape (n,)
         Epochs that nothing brings to agree.
     evidence : ndarray, shape (n,)
-        For the integers of each epoch, nats; 0 of those refused.
+        For the integers of each epoch, log odds; 0 of those refused.
     source : ndarray of int, shape (n, b, m)
         Whose integers they are, of ``types.integers.SOURCES``.
     rejections : tuple of Rejected
@@ -270,7 +270,7 @@ def _chosen(
     believed = np.where(alone[:, None, None], rounded.cycles, by_arc.cycles)
     borne = _share((believed == arcs.cycles) & (arcs.margin >= 1.0), fixed)
     odds = np.where(alone, by_epoch, of_arc)
-    unsure = doubtful & (odds < BELIEVED_NATS) & (borne < 1 - _MENDED_AT_MOST)
+    unsure = doubtful & (odds < BELIEVED_LOG_ODDS) & (borne < 1 - _MENDED_AT_MOST)
     return _Chosen(
         replace(integers, cycles=np.where(fixed, believed, 0)),
         (arcs.margin > 0) & ~alone[:, None, None],

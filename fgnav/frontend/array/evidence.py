@@ -21,7 +21,7 @@ from fgnav.integers.arcs.reported import APART_S
 from fgnav.types.differences import DoubleDifferences
 
 _ROTATIONS = 8 * pi**2  # volume of all rotations, by the body tangent in rad
-BELIEVED_NATS = log(0.999 / 0.001)  # odds at which an epoch alone is believed
+BELIEVED_LOG_ODDS = log(0.999 / 0.001)  # odds at which an epoch alone is believed
 
 
 def epoch_evidence(
@@ -32,7 +32,7 @@ def epoch_evidence(
     *,
     chosen_of: BoolArray | None = None,
 ) -> FloatArray:
-    """Return by how much more likely than of wrong integers residuals are, (n,), in nats.
+    """Return by how much more likely than of wrong integers residuals are, (n,), log odds.
 
     Covariances of double differences count in full where baselines have the same links; else the
     evidence comes out a little too small.
@@ -96,4 +96,4 @@ def votes_of(
         chance = wrong.clip(1e-300, 1 - 1e-16)
         odds = np.where(sound, np.maximum(odds, np.log1p(-chance) - np.log(chance)), odds)
     apart = np.where(sound, np.diff(t_s, prepend=t_s[:1]) / APART_S, 0.0)
-    return np.asarray(np.maximum(odds / BELIEVED_NATS, apart).clip(0.0, 1.0))
+    return np.asarray(np.maximum(odds / BELIEVED_LOG_ODDS, apart).clip(0.0, 1.0))

@@ -4,7 +4,7 @@ Of an array of known shape each link's residual about the epoch's attitude is it
 for what attitude and clocks take. Its process, a first-order Gauss-Markov one of share s and time
 constant tau beside white noise, has the greatest likelihood of all links' residuals together, each
 by a Kalman filter of its own; the variance of both together is what residuals say. It counts where
-it is likelier than white noise by five nats and Schwarz's ln n.
+it is likelier than white noise by a log Bayes factor of five and Schwarz's ln n.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.kernels.compiled import kernel
-from fgnav.process.hyperparameters import VERY_STRONG_NATS, likeliest
+from fgnav.process.hyperparameters import VERY_STRONG_EVIDENCE, likeliest
 from fgnav.types.differences import DoubleDifferences
 
 _FEWEST = 30  # epochs, as of noise
@@ -113,7 +113,7 @@ def lasting_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, floa
     if not count or span_s <= shortest:
         return None
 
-    def nats(x: FloatArray) -> float:
+    def score(x: FloatArray) -> float:
         squares, log_det = _innovations(t_s, residuals, 1 / (1 + np.exp(-x[0])), np.exp(-x[1]))
         return float(-(log_det + count * np.log(squares / count)) / 2)
 
@@ -122,9 +122,9 @@ def lasting_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, floa
         for s, tau in zip(_SHARES, (shortest, _LONGEST * span_s), strict=True)
     )
     grid = [np.array([a, b]) for a in (-2.0, 0.0, 2.0) for b in np.linspace(lower[1], upper[1], 7)]
-    best = likeliest(nats, max(grid, key=nats), lower, upper)
+    best = likeliest(score, max(grid, key=score), lower, upper)
     white = float(-count * np.log(np.nansum(residuals**2) / count) / 2)
-    if nats(best) - white < VERY_STRONG_NATS + np.log(count):
+    if score(best) - white < VERY_STRONG_EVIDENCE + np.log(count):
         return None
     return float(1 / (1 + np.exp(-best[0]))), float(np.exp(best[1]))
 

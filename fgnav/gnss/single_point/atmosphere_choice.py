@@ -72,12 +72,12 @@ class Deciding(NamedTuple):
         if not len(self.epoch):
             return False
         is_stated = broadcast is not None and bool(broadcast.klobuchar.any())
-        if is_stated and not self._nats() > -np.log(FALSE_ALARM):
+        if is_stated and not self._log_odds() > -np.log(FALSE_ALARM):
             return False
         with_models, without = np.median(self.squares, axis=0)
         return bool(without < min(with_models, STATED_NOISE))
 
-    def _nats(self) -> float:
+    def _log_odds(self) -> float:
         """Return how much likelier residuals are without an atmosphere than with one.
 
         With one they err alike at n epochs, of variance v over the noise's: the f of their means

@@ -24,7 +24,7 @@ def reported_arcs(
     antennas : tuple of str
         Names, the reference first.
     """
-    nats, source = _log_odds(integers), integers.source
+    log_odds, source = _log_odds(integers), integers.source
     out = []
     for i, j in np.argwhere(integers.fixed.any(axis=0)).tolist():
         rows = np.flatnonzero(integers.fixed[:, i, j])
@@ -39,7 +39,7 @@ def reported_arcs(
                     from_s=float(t_s[0]),
                     until_s=float(t_s[-1]),
                     cycles=int(integers.cycles[part[0], i, j]),
-                    wrong_probability=None if nats is None else _wrong(t_s, nats[part]),
+                    wrong_probability=None if log_odds is None else _wrong(t_s, log_odds[part]),
                     by=SOURCES[int(np.bincount(by).argmax())],
                 )
             )
@@ -47,7 +47,7 @@ def reported_arcs(
 
 
 def _log_odds(integers: Integers) -> FloatArray | None:
-    """Return the log odds that epochs' integers are right, (n,), nats."""
+    """Return the log odds that epochs' integers are right, (n,)."""
     if integers.evidence is not None:
         return integers.evidence
     if integers.wrong_probability is None:
@@ -56,8 +56,8 @@ def _log_odds(integers: Integers) -> FloatArray | None:
     return np.asarray(np.log1p(-wrong) - np.log(wrong))
 
 
-def _wrong(t_s: FloatArray, nats: FloatArray) -> float:
+def _wrong(t_s: FloatArray, log_odds: FloatArray) -> float:
     """Return the chance of an arc by the log odds of its epochs, (k,)."""
     block = ((t_s - t_s[0]) // APART_S).astype(np.int64)
-    total = sum(float(np.median(nats[block == one])) for one in np.unique(block))
+    total = sum(float(np.median(log_odds[block == one])) for one in np.unique(block))
     return float(1 / (1 + np.exp(np.clip(total, -700.0, 700.0))))

@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.attitude import RotationQuadratic
 from fgnav.attitude.array import maximum_likelihood
-from fgnav.frontend.array.evidence import BELIEVED_NATS, epoch_evidence, votes_of
+from fgnav.frontend.array.evidence import BELIEVED_LOG_ODDS, epoch_evidence, votes_of
 from fgnav.geometry import rotations
 from fgnav.types.integers import fixed_ranges_m
 from tests.attitude.arrays import sky, synthetic
@@ -46,7 +46,7 @@ def test_right_integers_are_likelier_the_more_links_there_are():
         for d, true, _ in (drawn(1, *array) for array in ARRAYS.values())
     ]
     assert medians[0] < 2.0  # four links of a pair fit some direction by chance
-    assert medians[1] > BELIEVED_NATS
+    assert medians[1] > BELIEVED_LOG_ODDS
     assert medians[2] > medians[0] + 3.0
 
 
@@ -89,7 +89,7 @@ def test_a_say_is_the_epochs_evidence_or_the_resolvers_statement_or_time_apart()
     sound = np.array([True, True, True, False])
     none = np.full(4, -50.0)
     np.testing.assert_allclose(votes_of(t_s, none, sound, None), [0, 0.005, 0.5, 0])
-    half = votes_of(t_s, np.full(4, BELIEVED_NATS / 2), np.zeros(4, dtype=bool), None)
+    half = votes_of(t_s, np.full(4, BELIEVED_LOG_ODDS / 2), np.zeros(4, dtype=bool), None)
     np.testing.assert_allclose(half, 0.5)
     np.testing.assert_allclose(votes_of(t_s, none, sound, np.full(4, 1e-3)), [1, 1, 1, 0])
     np.testing.assert_allclose(votes_of(t_s, none, sound, np.ones(4)), [0, 0.005, 0.5, 0])
