@@ -79,7 +79,7 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
             check_outputs(folder, folder=place)
     check_report(report)
     if len(folders) > 1:
-        _several(folders, estimators, span, json, report)
+        _several(folders, estimators, span, json, report, strict=smoother.strict)
     else:
         comparison = _one(folders[0], estimators, span, out, json, report)
         fail_if_inconsistent(comparison, strict=smoother.strict)
@@ -130,6 +130,8 @@ def _several(
     span: Span,
     json: str | None,
     report: Path | None,
+    *,
+    strict: bool,
 ) -> None:
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.flights_table import flights_lines  # noqa: PLC0415
@@ -145,3 +147,12 @@ def _several(
     files = save_flights_report(comparison, report)
     if json != "-":
         show_report(files)
+    inconsistent = [
+        one.flight
+        for one in comparison.flights
+        if any(method.get("verdicts") for method in one.detail.get("methods", {}).values())
+    ]
+    if strict and inconsistent:
+        raise NoSolutionError(
+            f"--strict: measurements contradict each other: {', '.join(inconsistent)}"
+        )

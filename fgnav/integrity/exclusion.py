@@ -63,7 +63,7 @@ def without_contradictions(
         except NoSolutionError:
             continue
         is_as_open = set(trial.unobservable) <= set(estimate.unobservable)
-        if trial.consistent and trial.converged and is_as_open:
+        if trial.consistent and trial.converged and is_as_open and _is_determined(trial):
             notes = tuple(
                 f"{one.what}, {one.from_s:.1f} to {one.until_s:.1f} s: left out, because without "
                 "it the other measurements are consistent."
@@ -75,6 +75,12 @@ def without_contradictions(
                 notes=(*notes, *trial.notes),
             )
     return estimate
+
+
+def _is_determined(estimate: Estimate) -> bool:
+    """Return True if attitudes are known to better than a radian: others fit any measurements."""
+    sigma_deg = estimate.sigma_deg
+    return sigma_deg is not None and bool(np.median(sigma_deg.max(axis=1)) < np.degrees(1.0))
 
 
 def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclusion]:

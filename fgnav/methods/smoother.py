@@ -379,7 +379,7 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
     interval_s = float(np.median(np.diff(prepared.problem.t_s)))
     return replace(
         prepared,
-        implausible=implausible(flight.imu, result, interval_s),
+        implausible=implausible(flight, result, interval_s),
         notes=(*prepared.notes, *notes, *noise_notes(flight, result)),
     )
 

@@ -201,8 +201,8 @@ def hyperparameters(
     if prepared is None or clock:
         prepared = build(clock.applied(flight, middle_s), settings)
     for _ in range(_PASSES):
-        if prepared.opening is not None and prepared.opening.until_s == np.inf:
-            return Hyperparameters(), prepared  # without a heading noise does not show
+        if not _shows_noise(prepared):
+            return Hyperparameters(), prepared
         at = clock.applied(flight, middle_s)
         satellites = _satellites(at, prepared)
         posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
@@ -225,6 +225,16 @@ def hyperparameters(
         clock = clock.plus(*step.value.tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
     return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
+
+
+def _shows_noise(prepared: PreparedFlight) -> bool:
+    """Return True unless nothing determines the heading, or how the body turns between vectors.
+
+    Without an array and a gyroscope the prior of the rate is identified in place of noise.
+    """
+    opening = prepared.opening
+    is_open = opening is not None and opening.until_s == np.inf
+    return not is_open and (prepared.integers is not None or prepared.imu.w_b_radps is not None)
 
 
 def _with_total(result: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:

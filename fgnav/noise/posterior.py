@@ -20,7 +20,7 @@ from fgnav.solve.chain import log_evidence, solve_batch
 # units in motion is 1 to 200 times the figure of their data sheets, so the prior has the tails of
 # Cauchy's distribution: near the nominal it is a normal one of that sigma, and what is far off is
 # hardly drawn back (Gelman, Prior distributions for variance parameters, 2006).
-_STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
+STATED, _WHITE, _WALK = np.log(1.5), np.log(5.0), np.log(10.0)
 _NEARLY = 0.5  # a step of theta that is small enough where patience is at its end
 _SAME_COST = 0.5  # what is left of it then is a quarter of a unit of log-likelihood
 _ITERATIONS, _PATIENCE = 30, 20
@@ -57,7 +57,7 @@ class Prior(NamedTuple):
         """
         walk = np.array([name.endswith("bias") for name in names])
         of_unit = np.array([name.startswith(WHITE) for name in names])
-        sigma = np.where(stated, _STATED, np.where(walk, _WALK, _WHITE))
+        sigma = np.where(stated, STATED, np.where(walk, _WALK, _WHITE))
         return cls(sigma, np.where(stated & ~of_unit, 0.0, -np.inf))
 
 
@@ -102,7 +102,7 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     first = _climbed(components, prior, np.maximum(begin, prior.least))
     names = np.array(components.names)
     walks = np.char.endswith(names, "bias")
-    if not (first.theta[walks] > _STATED).any():
+    if not (first.theta[walks] > STATED).any():
         return first
     # A random walk of a bias that explains residuals may stand for white noise: a maximum beside.
     other = np.where(walks, prior.least.clip(0.0), first.theta)

@@ -8,6 +8,7 @@ from fgnav.noise.calibration import LATENCY, LEVER_ARM, sentences
 from fgnav.noise.components import AT_REST, WHITE
 from fgnav.noise.identify import Hyperparameters
 from fgnav.noise.nominal import FIELDS, unstated
+from fgnav.noise.posterior import STATED
 from fgnav.process.allan import FEWEST, allan_deviation, longest_run
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.instruments import GnssNoise
@@ -61,23 +62,29 @@ def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
     return (*notes, *sentences(result.calibrated))
 
 
-def implausible(imu: Imu | None, result: Hyperparameters, interval_s: float) -> dict[str, float]:
+def implausible(flight: Flight, result: Hyperparameters, interval_s: float) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
     Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
     lever arm is measured to a tape's sigma, and a latency is within what is known before the flight
-    and not negative. Without a gyroscope, noise also stands for what the path of the rotation
+    and not negative. Stated noise of other sensors holds to four sigmas of its prior. Without a
+    gyroscope, noise also stands for what the path of the rotation
     between distant keyframes leaves of the force: then it is not tested.
 
     Parameters
     ----------
-    imu : Imu or None
+    flight : Flight
         With its nominal noise.
     result : Hyperparameters
     interval_s : float
         Between keyframes.
     """
-    ratios = {}
+    imu, given = flight.imu, unstated(flight)
+    ratios = {
+        name: factor / np.exp(_CERTAIN * STATED)
+        for name, factor in result.factors.items()
+        if not name.startswith(WHITE) and name.removesuffix(AT_REST) not in given
+    }
     for one in result.significant:
         if one.kind == LEVER_ARM:
             ratios["lever arm"] = float(np.linalg.norm(one.value)) / (_SIGMAS * _MEASURED_M)

@@ -27,11 +27,6 @@ HEADING = pytest.mark.xfail(
     reason="neither array nor gyroscope: the turn about gravity is open (docs/model.md)"
 )
 
-NOISE = pytest.mark.xfail(
-    reason="noise is identified by the usual prior of the rate, before that of the flight: a lever "
-    "arm of 1.1 m, an accelerometer at 110 x its nominal noise (attitude NEES 15)"
-)
-
 
 @pytest.fixture(scope="module")
 def flight():
@@ -66,7 +61,7 @@ def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     assert solve_batch(prepared.problem).converged
 
 
-@pytest.mark.parametrize("noise", ["stated", pytest.param("identified", marks=NOISE)])
+@pytest.mark.parametrize("noise", ["stated", "identified"])
 @pytest.mark.parametrize("number", [4, 14])
 def test_a_spin_is_solved_without_phase(number, noise):
     """1.2 and 4.6 turns a second."""

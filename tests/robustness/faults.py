@@ -136,7 +136,7 @@ FAULTS = (
           lambda f: _barometer(f, _spiked(f.barometer.height_m, 23, 60.0))),
     Fault("detector stuck", "seeker", "seeker stuck",
           lambda f: _currents(f, _stuck(f.seeker.currents, 50))),
-    Fault("currents exchanged", "seeker", "line-of-sight noise",
+    Fault("currents exchanged", "seeker", "line of sight",
           lambda f: _currents(f, f.seeker.currents[:, [2, 1, 0, 3]])),
     Fault("unit stuck", "single", "imu stuck", _unit_stuck),
     Fault("accelerometer spikes", "single", "spike of the accelerometer",

@@ -14,10 +14,6 @@ from tests.robustness.faults import FAULTS, right_flights
 WRONG_NEES = 10.0
 # Verdicts, what is screened or excluded, findings, and noise above the nominal.
 SAID = re.compile("inconsistent: |left out|stuck: |spike of|axes: | x the nominal; used")
-OTHERS_LEFT_OUT = {
-    "accelerometer axis reversed half-way": "the magnetometer, which is right, is left out: "
-    "without it so little is determined (heading to 118 degrees) that nothing contradicts"
-}
 
 
 def outcome(flight):
@@ -38,13 +34,7 @@ def test_nothing_is_said_of_a_right_flight(name):
     assert nees < WRONG_NEES
 
 
-def case(fault):
-    reason = OTHERS_LEFT_OUT.get(fault.name)
-    marks = () if reason is None else pytest.mark.xfail(reason=reason)
-    return pytest.param(fault, id=fault.name, marks=marks)
-
-
-@pytest.mark.parametrize("fault", [case(fault) for fault in FAULTS])
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_damaged_sensor_is_said_and_nothing_is_silently_wrong(fault):
     lines, nees = outcome(fault.damaged(right_flights()[fault.flight]))
     assert any(re.search(fault.words, line, re.I) for line in lines), lines
