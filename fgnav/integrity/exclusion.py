@@ -1,7 +1,9 @@
 """Detection, identification and adaptation on whole sensors [1]_.
 
 Verdicts detect. The flight is estimated without the worst suspect, and once more without another;
-the first that is consistent is kept, with what it is without. Otherwise the flight stays as it is.
+the first that is consistent is kept, with what it is without. A whole instrument that is left out
+keeps its verdict: that the others agree does not tell which of them is right. Otherwise the flight
+stays as it is.
 
 References
 ----------
@@ -36,10 +38,11 @@ _SAMPLES = ("t_s", "height_m", "field_b_ut", "currents", *_OF_FIXES)
 
 
 class Exclusion(NamedTuple):
-    """A flight without what may contradict the rest of it."""
+    """A flight without what may contradict the rest of it, and the verdicts that stay."""
 
     flight: Flight
     rejected: tuple[Rejected, ...]
+    verdicts: tuple[Verdict, ...]
 
 
 def without_contradictions(
@@ -71,6 +74,7 @@ def without_contradictions(
             )
             return replace(
                 trial,
+                verdicts=exclusion.verdicts,
                 rejections=(*trial.rejections, *exclusion.rejected),
                 notes=(*notes, *trial.notes),
             )
@@ -97,7 +101,8 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
         spans = np.array([[one.from_s - _MARGIN_S, one.until_s + _MARGIN_S] for one in own])
         changed = _without(flight, sensor, spans)
         if changed is not None:
-            yield Exclusion(changed, tuple(map(_rejected, own)))
+            is_gone = sensor in INSTRUMENTS and getattr(changed, INSTRUMENTS[sensor]) is None
+            yield Exclusion(changed, tuple(map(_rejected, own)), tuple(own) if is_gone else ())
     for name, field in INSTRUMENTS.items():
         record = getattr(flight, field)
         if record is not None and name not in sensors and len(record.t_s):
@@ -106,7 +111,8 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
             rejected = Rejected(
                 what=name, link=name, from_s=span[0], until_s=span[1], reason=reason
             )
-            yield Exclusion(_with(flight, {field: None}), (rejected,))
+            verdict = replace(worst[0], sensor=name, from_s=span[0], until_s=span[1])
+            yield Exclusion(_with(flight, {field: None}), (rejected,), (verdict,))
 
 
 def _without(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:

@@ -55,7 +55,7 @@ def judge(
             sensor=name,
             from_s=span_s[0],
             until_s=span_s[1],
-            ratio=ratio**2,
+            ratio=float(ratio) ** 2,
             limit=1.0,
             test="plausibility",
         )
