@@ -376,10 +376,9 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
         prepared = build(flight, settings)
         note = f"Noise is nominal; it could not be estimated ({error})."
         return replace(prepared, notes=(*prepared.notes, *notes, note))
-    interval_s = float(np.median(np.diff(prepared.problem.t_s)))
     return replace(
         prepared,
-        implausible=implausible(flight, result, interval_s),
+        implausible=implausible(flight, result),
         notes=(*prepared.notes, *notes, *noise_notes(flight, result)),
     )
 

@@ -39,7 +39,7 @@ _WORTH_SAYING = np.log(1.5)
 _BIASES = {"accelerometer": "accelerometer_bias_mps2", "gyroscope": "gyroscope_bias_radps"}
 _MEASURED_M = 0.05  # 1-sigma of an antenna's place as a tape measures it
 _CERTAIN = 4.0  # sigmas of a logarithm: 3e-5
-_NEAR_S = 1 / 3  # below, a cubic rotation between keyframes errs by less than noise
+_NEAR_S = 1 / 3  # below, a cubic rotation between epochs errs by less than noise
 _SIGMAS = 3.0  # of what is known before the flight
 
 
@@ -62,22 +62,20 @@ def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
     return (*notes, *sentences(result.calibrated))
 
 
-def implausible(flight: Flight, result: Hyperparameters, interval_s: float) -> dict[str, float]:
+def implausible(flight: Flight, result: Hyperparameters) -> dict[str, float]:
     """Return what is estimated over the largest plausible value, where above 1: a likely fault.
 
     Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
     lever arm is measured to a tape's sigma, and a latency is within what is known before the flight
     and not negative. Stated noise of other sensors holds to four sigmas of its prior. Without a
-    gyroscope, noise also stands for what the path of the rotation
-    between distant keyframes leaves of the force: then it is not tested.
+    gyroscope, noise also stands for what the path of the rotation between distant epochs of the
+    array leaves of the force: then it is not tested.
 
     Parameters
     ----------
     flight : Flight
         With its nominal noise.
     result : Hyperparameters
-    interval_s : float
-        Between keyframes.
     """
     imu, given = flight.imu, unstated(flight)
     ratios = {
@@ -92,7 +90,8 @@ def implausible(flight: Flight, result: Hyperparameters, interval_s: float) -> d
             sigma_s = one.prior_sigma if one.value[0] > 0.0 else float(one.sigma[0])
             ratios["velocity latency"] = abs(float(one.value[0])) / (_SIGMAS * sigma_s)
     if imu is not None:
-        if imu.w_b_radps is not None or interval_s < _NEAR_S:
+        epochs = flight.observations if imu.w_b_radps is None else None
+        if epochs is None or np.median(np.diff(epochs.t_s)) < _NEAR_S:
             ratios |= _noise_ratios(imu, result.factors, result.sigmas)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():

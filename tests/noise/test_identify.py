@@ -106,9 +106,9 @@ def test_notes_name_the_figure_and_the_runner_up():
 def test_what_no_sensor_can_have_is_implausible():
     flight = right_flight("fixes", 95_040)
     found = found_in(flight)
-    assert implausible(flight, found, 0.2) == {}
+    assert implausible(flight, found) == {}
     louder = replace(found, factors={"gyroscope": 1e4, "accelerometer bias": 1e4})
-    assert set(implausible(flight, louder, 0.2)) == {"gyroscope", "accelerometer bias"}
+    assert set(implausible(flight, louder)) == {"gyroscope", "accelerometer bias"}
 
 
 def test_estimates_do_not_depend_on_how_a_flight_was_told_its_noise():
