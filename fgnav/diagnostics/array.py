@@ -62,7 +62,7 @@ class ArrayAttitudes:
         """Return rotation vectors from epoch to epoch, (n - 1, 3), rad."""
         return log(transpose(self.R_nb[:-1]) @ self.R_nb[1:])
 
-    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def interpolated(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R_nb, (m, 3, 3), and w_b, (m, 3), rad/s, at times within."""
         return self._spline(t_s).as_matrix(), interpolate(t_s, self.t_s, self._rates)
 
@@ -138,7 +138,7 @@ def _sight_equations(
     if inside.sum() < _MIN_SIGHTS:
         raise NoSolutionError(f"{inside.sum()} lines of sight have an attitude beside them")
     at_s, e_b, P = sight.t_s[inside], sight.e_b[inside], array.covariance_rad2[after[inside]]
-    R_nb, _ = array.at(at_s)
+    R_nb, _ = array.interpolated(at_s)
     arm_b_m = seeker.position_b_m - flight.antennas[0].position_b_m
     to_n_m = seeker.landmark_n_m - interpolate(at_s, t_s, array.fixes.p_n_m) - R_nb @ arm_b_m
     range_m = np.linalg.norm(to_n_m, axis=1)[:, None, None]

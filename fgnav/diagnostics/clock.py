@@ -118,7 +118,7 @@ def _force_beside(
 ) -> Callable[[float], tuple[FloatArray, FloatArray]]:
     """Return times and integrals of specific force rotated by attitudes, by offset."""
     t_s = np.arange(attitudes.t_s[0], attitudes.t_s[-1], 1 / _RATE_HZ)
-    R_nb, _ = attitudes.at(t_s)
+    R_nb, _ = attitudes.interpolated(t_s)
 
     def force_at(offset_s: float) -> tuple[FloatArray, FloatArray]:
         inside = (t_s >= imu.t_s[0] + offset_s) & (t_s <= imu.t_s[-1] + offset_s)

@@ -107,7 +107,7 @@ def _motion(flight: Flight) -> Motion | None:
         return None
     if fixes is None or len(fixes.t_s) < 2 or not (has_gyroscope or attitudes):
         return None
-    return Motion.of(flight, imu, fixes, attitudes)
+    return Motion.from_flight(flight, imu, fixes, attitudes)
 
 
 def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:

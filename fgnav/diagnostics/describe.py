@@ -135,7 +135,7 @@ def _check_imu(
     elif array is None and imu.w_b_radps is None:
         out.skip("imu axes, clock, lever arm", "requires a gyroscope")
     else:
-        motion = Motion.of(flight, imu, fixes if array is None else array.fixes, array)
+        motion = Motion.from_flight(flight, imu, fixes if array is None else array.fixes, array)
         if not quick:
             _check_all(flight, motion, out)
         elif axes_finding(motion, 0.0) is not None:  # with another clock they may be right

@@ -9,6 +9,7 @@ its own; by an array's attitudes s is n, and R_ns within degrees of one.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -60,7 +61,7 @@ class Attitudes(Protocol):
 
     t_s: FloatArray
 
-    def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def interpolated(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return R_nb, (m, 3, 3), and w_b, (m, 3), rad/s, at times within."""
 
     def rates_exceed_noise(self) -> bool:
@@ -101,7 +102,7 @@ def rotation_and_rates(
     """
     w = np.zeros_like(imu.f_b_mps2) if imu.w_b_radps is None else factor * imu.w_b_radps
     if attitudes is not None:
-        R_nb, rates = attitudes.at(imu.t_s)
+        R_nb, rates = attitudes.interpolated(imu.t_s)
         return R_nb, rates if imu.w_b_radps is None else w
     step_s = np.diff(imu.t_s)[:, None]
     angles = (w[:-1] + w[1:]) / 2 * step_s + step_s**2 / 12 * np.cross(w[:-1], w[1:])
@@ -119,7 +120,9 @@ class Motion:
     attitudes: Attitudes | None
 
     @classmethod
-    def of(cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: Attitudes | None) -> "Motion":
+    def from_flight(
+        cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: Attitudes | None
+    ) -> "Motion":
         """Return the motion where the vehicle moves most."""
         fixes = where_it_moves(fixes)
         # By known attitudes a window has fewer unknowns, and positions by code are too noisy.
@@ -251,24 +254,24 @@ def fit(
     Returns these, and R_ns, (W, 3, 3).
     """
     values, order, aligned = WindowValues(series, windows), series.order, integrals.aligned
-
-    def of(x: FloatArray) -> FloatArray:
-        return values.resampled(integrals.t_s, x)
-
+    resampled = partial(values.resampled, integrals.t_s)
     spin = integrals.R_sb @ skew(integrals.w_b_radps)
-    arm = of(spin if order == 1 else integrals.R_sb)
+    arm = resampled(spin if order == 1 else integrals.R_sb)
     by_offset = integrals.by_offset[order - 1]
     if not aligned:
         by_offset = by_offset + (spin @ skew(integrals.w_b_radps) if order == 1 else spin) @ arm_b_m
-    force = of(integrals.force[order - 1])
+    force = resampled(integrals.force[order - 1])
     middle = interpolate_tensors(
         values.at_s[:, values.at_s.shape[1] // 2], integrals.t_s, integrals.by_bias[1]
     )
     turning = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
-    biases = [-of(integrals.by_bias[order]), of(integrals.by_rate_bias[order - 1]) - turning]
+    biases = [
+        -resampled(integrals.by_bias[order]),
+        resampled(integrals.by_rate_bias[order - 1]) - turning,
+    ]
     ridge = prior(imu, order, aligned=aligned)
     R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, aligned=aligned)
-    common = np.concatenate([-of(by_offset)[..., None], arm], axis=3)
+    common = np.concatenate([-resampled(by_offset)[..., None], arm], axis=3)
     common = (values.white[..., None] * (R_ns[:, None] @ common)).reshape(*y.shape, -1)
     return fitted(y, local, common, ridge), R_ns
 

@@ -99,7 +99,7 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
     for sensor in sensors:
         own = [one for one in verdicts if one.sensor == sensor]
         spans = np.array([[one.from_s - _MARGIN_S, one.until_s + _MARGIN_S] for one in own])
-        changed = _without(flight, sensor, spans)
+        changed = _flight_excluding(flight, sensor, spans)
         if changed is not None:
             is_gone = sensor in INSTRUMENTS and getattr(changed, INSTRUMENTS[sensor]) is None
             yield Exclusion(changed, tuple(map(_rejected, own)), tuple(own) if is_gone else ())
@@ -115,7 +115,7 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
             yield Exclusion(_with(flight, {field: None}), (rejected,), (verdict,))
 
 
-def _without(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:
+def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:
     """Return a flight without a sensor's measurements in spans, (g, 2); None if none can be.
 
     An instrument of whose record most is concerned is left out whole; other sensors stay.

@@ -65,6 +65,7 @@ class RescaledMeasurement(OfAnother):
         """Return the log determinants of the whitening of some, summed."""
         return -float(self.freedom[which] @ np.log(self.factors[which]))
 
-    def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
-        """Raise: hyperparameters are identified without GTSAM."""
-        raise NotImplementedError
+    def factor(self, i: int, key: int) -> Any:  # noqa: ANN401, ARG002  # GTSAM's
+        """Raise TypeError: hyperparameters are identified without GTSAM."""
+        message = "noise is identified by the chain: rescaled measurements are no GTSAM factors"
+        raise TypeError(message)

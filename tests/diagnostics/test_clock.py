@@ -106,7 +106,7 @@ def test_offsets_of_whole_periods_are_not_told_apart(offset_s):
 
 def test_searches_state_their_evidence():
     flight = with_imu(t_s=flown().imu.t_s + 7.3)
-    motion = Motion.of(flight, flight.imu, flight.fixes, None)
+    motion = Motion.from_flight(flight, flight.imu, flight.fixes, None)
     searches = clock_searches(motion, motion.integrals_at())
     coarse = coarse_offset(searches)
     assert coarse.by == "course"
