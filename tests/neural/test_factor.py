@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from fgnav.geometry import rotations
+from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import check_factor, jacobian_misfit
 from fgnav.graph.keys import Timeline, constant, pose, velocity
 from fgnav.neural import NeuralFactor, Record
-from fgnav.neural.correlation import half_life_s, inflation, interval_s, together
+from fgnav.neural.correlation import half_life_s, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
 from tests.methods.simulated import flown
