@@ -231,13 +231,11 @@ def _vehicle(table: VehicleTable) -> WheeledVehicle | FinnedVehicle | None:
                 "standstill = true alone"
             )
         return None
-    record = {"wheeled": WheeledVehicle, "finned": FinnedVehicle}[table.kind]
-    angles_rad = {
-        one.name: float(np.radians(getattr(table, one.name.replace("_rad", "_deg"))))
-        for one in fields(record)
-        if one.name.endswith("_rad")
-    }
-    return record(**series.values_of(table, record), **angles_rad)
+    record = WheeledVehicle if table.kind == "wheeled" else FinnedVehicle
+    names = [one.name for one in fields(record) if one.name.endswith("_rad")]
+    values = series.values_of(table, record)
+    values |= {name: float(np.radians(getattr(table, f"{name[:-3]}deg"))) for name in names}
+    return record(**values)
 
 
 def _rinex(

@@ -33,12 +33,12 @@ _ROUGHLY = 40  # iterations about a heading that is but one of several
 
 
 def by_window(
-    prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
 ) -> Solution:
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
     problem, keep, added = prepared.windowed, False, None
     if not prepared.causal and is_known_late(prepared):
-        problem, added = _at_batch(prepared, own)
+        problem, added = _at_batch(prepared, custom)
         keep = True
     opening = prepared.opening
     if solver == "chain":
@@ -49,7 +49,7 @@ def by_window(
         from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
         solution = solve_fixed_lag(
-            problem, lag_s, own=own, keep_linearisation=keep, opening=opening
+            problem, lag_s, own=custom, keep_linearisation=keep, opening=opening
         )
     if added is None:
         return solution
@@ -57,7 +57,7 @@ def by_window(
 
 
 def by_newest(
-    prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
 ) -> Solution:
     """Return each keyframe as known from the data up to it."""
     if solver == "chain":
@@ -66,12 +66,12 @@ def by_newest(
         return chain.solve_forward(prepared.windowed, lag_s, opening=prepared.opening)
     from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_forward(prepared.windowed, lag_s, own=own, opening=prepared.opening)
+    return solve_forward(prepared.windowed, lag_s, own=custom, opening=prepared.opening)
 
 
-def at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
+def at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
     """Return each keyframe as known from all data."""
-    return _ended(prepared, own, solver).solution
+    return _ended(prepared, custom, solver).solution
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
@@ -88,7 +88,7 @@ def is_known_late(prepared: PreparedFlight) -> bool:
     """Return whether only later motion determines where to linearise, without a gyroscope.
 
     Without attitudes none does before; between two of them it may have turned over: a window goes
-    on as the body last turned, and a turn too many is a minimum of its own.
+    on as the body last turned, and a turn too many is a minimum of its custom.
     """
     if prepared.imu.w_b_radps is not None:
         return False
@@ -106,10 +106,10 @@ class _End(NamedTuple):
 
 
 def _at_batch(
-    prepared: PreparedFlight, own: "tuple[OwnFactor, ...]"
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]"
 ) -> tuple[SmoothingProblem, FloatArray | None]:
     """Return the problem, started where the batch has the flight, and what other headings add."""
-    end = _ended(prepared, own, "chain" if not own else "gtsam")
+    end = _ended(prepared, custom, "chain" if not custom else "gtsam")
     if without_attitudes(prepared) and not end.solution.converged:
         raise NoSolutionError(
             f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
@@ -125,15 +125,15 @@ def _at_batch(
     return problem, end.added
 
 
-def _ended(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver) -> _End:
+def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> _End:
     """Return the end of a batch; its minimum counts only where it explains the measurements.
 
     That is asked where nothing measures attitudes: there the search may end anywhere.
     """
     problem, opening = prepared.problem, _open(prepared)
     if opening is None:
-        return _End(_at_once(prepared, own, solver), problem)
-    end = _about_headings(problem, opening, own, solver)
+        return _End(_at_once(prepared, custom, solver), problem)
+    end = _about_headings(problem, opening, custom, solver)
     if not without_attitudes(prepared):
         return end
     measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
@@ -145,7 +145,7 @@ def _ended(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solve
 
 
 def _open(prepared: PreparedFlight) -> Opening | None:
-    """Return what all headings are tried about: of a flight that may not tell its own; or None."""
+    """Return what all headings are tried about: where nothing measures attitudes; or None."""
     opening = prepared.opening
     if opening is not None:
         return opening if opening.until_s == np.inf else None
@@ -167,9 +167,9 @@ def _open(prepared: PreparedFlight) -> Opening | None:
     )
 
 
-def _at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
+def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
     problem = prepared.problem
-    if solver == "chain" or (without_attitudes(prepared) and not own):
+    if solver == "chain" or (without_attitudes(prepared) and not custom):
         # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
         from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
@@ -179,11 +179,11 @@ def _at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Sol
         return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
     from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_batch(problem, own=own)
+    return solve_batch(problem, own=custom)
 
 
 def _about_headings(
-    problem: SmoothingProblem, opening: Opening, own: "tuple[OwnFactor, ...]", solver: Solver
+    problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]", solver: Solver
 ) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
@@ -191,22 +191,22 @@ def _about_headings(
     from fgnav.solve.minima import Minimum  # noqa: PLC0415
 
     def searched(conditioned: SmoothingProblem) -> "Minimum":
-        if own:  # the chain knows none
+        if custom:  # the chain knows none
             from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-            return minimum(conditioned, own)
+            return minimum(conditioned, custom)
         solution = chain.solve_batch(conditioned, most=_ROUGHLY)
         return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
     begin, is_observable = headings.ends[0].solution, headings.is_observable
     likeliest = problem if is_observable else headings.problems[0]
-    if solver == "chain" or not own:
+    if solver == "chain" or not custom:
         solution = chain.solve_batch(likeliest, begin=begin.states)
     else:
         from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-        solution = minimum(likeliest, own, begin.states).solution
+        solution = minimum(likeliest, custom, begin.states).solution
     if is_observable:
         return _End(solution, likeliest)
     mixed = headings.mixed(solution)

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.checks import BadInputError
 from fgnav.evaluation.scores import errors_against
 from fgnav.graph.factors.vehicle.aerodynamic_angles import AerodynamicAngles
 from fgnav.io.flight.folder import load_flight, save_flight
@@ -57,7 +57,7 @@ def test_a_flight_keeps_its_fins_and_refuses_those_of_wheels(tmp_path):
 
 
 def straight(seed):
-    """Half a minute along a slope, one antenna, an accelerometer; the nose swings about the path."""
+    """Half a minute along a slope, one antenna, an accelerometer; the nose swings."""
     rng = np.random.default_rng([31, seed])
     speed_mps, slope_deg, course_deg = rng.uniform((30.0, 0.0, -180.0), (250.0, 60.0, 180.0))
     slope_rad = np.radians(slope_deg)
@@ -109,12 +109,7 @@ def test_fins_give_straight_flights_a_heading_and_its_sigma(method):
 
 def test_without_fins_the_heading_of_a_straight_flight_is_said_to_be_open():
     for seed in range(2):
-        try:
-            found = Batch()(straight(seed))
-        except NoSolutionError as error:
-            assert "turn about the specific force" in str(error)
-        else:
-            assert "heading" in found.unobservable
+        assert "heading" in Batch()(straight(seed)).unobservable
 
 
 @pytest.mark.parametrize("name", ["rocket", "glider"])
