@@ -9,8 +9,8 @@ from fgnav.neural.manifest import Covariance, Output
 from fgnav_models.training.contract import Release, factor_input, manifest_of
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table, release
+from fgnav_models.training.recipes import said, scaled
+from fgnav_models.training.release import made_with, markdown_table, release
 from fgnav_models.training.train import train
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
@@ -123,6 +123,8 @@ def _release(
         half_life_s=round(half_life_s, 2),
     )
     domain = how.domain(FIGURES, dict(zip(FIGURES, figures, strict=False)))
-    manifest = manifest_of(words, inputs, output, domain)
+    content = {key: value for key, value in said(recipe).items() if key != "release"}
+    origin = made_with(recipe.seed, content, metrics, order)
+    manifest = manifest_of(words, inputs, output, domain, origin)
     examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=False)]
     release(module, examples, manifest, words, metrics, order.out)
