@@ -259,8 +259,8 @@ def _motion(
 
 def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, ...]:
     """Return the names of what vectors on one line leave open."""
-    of_array = () if array is None else (axis_name(array.differences.baselines_b_m),)
-    return *of_array, *(_OPEN_ABOUT[kind] for kind in used if kind != _BASELINE)
+    line = {} if array is None else {_BASELINE: axis_name(array.differences.baselines_b_m)}
+    return tuple((_OPEN_ABOUT | line)[kind] for kind in used)
 
 
 def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:
