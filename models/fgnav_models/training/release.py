@@ -176,7 +176,8 @@ def _command(order: Order) -> str:
     along = order.recipe in shipped("fgnav_models", "recipes").values()
     text = f"fgnav train {order.recipe.stem if along else order.recipe.name} --scale {order.scale}"
     text += "" if order.device == "cpu" else f" --device {order.device}"
-    return text + ("" if order.through == "alone" else f" --train-through {order.through}")
+    text += "" if order.through == "alone" else f" --train-through {order.through}"
+    return text + " --plan" * order.plan
 
 
 def _commit() -> str:
