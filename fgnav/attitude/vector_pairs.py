@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
-from fgnav.geometry.rotations import exp, log, nearest, skew
+from fgnav.geometry.rotations import exp, log, skew
 from fgnav.types.estimate import open_angle_variance_rad2
 
 _COLLINEAR = 1e-6  # second over first singular value; rounding leaves 1e-15, any real array > 1e-3
@@ -143,14 +143,6 @@ def paper_matrix(pairs: VectorPairs) -> FloatArray:
     return np.asarray(T)
 
 
-def paper_rotation(pairs: VectorPairs) -> FloatArray:
-    """Return the (n, 3, 3) rotations nearest to the paper's matrices; NaN where there is none."""
-    T = paper_matrix(pairs)
-    finite = np.isfinite(T[:, 0, 0])
-    T[finite] = nearest(T[finite])
-    return T
-
-
 def wahba(pairs: VectorPairs) -> VectorAttitude:
     """Return the rotations that minimise ``sum weight |v_n - R_nb v_b|^2``: Wahba's problem.
 
@@ -201,7 +193,7 @@ def sensitivity(solve: Callable[[VectorPairs], FloatArray], pairs: VectorPairs) 
     Parameters
     ----------
     solve : callable
-        From pairs to rotations, (n, 3, 3), as ``paper_rotation``.
+        From pairs to rotations, (n, 3, 3); NaN where there is none.
     """
     steps = _STEP * _length(pairs.v_n)[..., 0]
     S = np.zeros((*pairs.v_n.shape, 3))

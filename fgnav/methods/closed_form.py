@@ -21,7 +21,6 @@ from fgnav.attitude.vector_pairs import (
     VectorAttitude,
     VectorPairs,
     paper_matrix,
-    paper_rotation,
     sensitivity,
     stacked,
     wahba,
@@ -83,9 +82,6 @@ class ClosedForm:
         Source of gravity directions in body axes; with None there are no such pairs.
     factors : tuple
         As of ``Smoother``; networks that measure the direction of gravity are used.
-    orthogonalise : bool
-        Take the rotation nearest to the paper's matrix; the paper itself reads the angles from the
-        matrix as it is. Neither is better on all angles.
     moves_forward : bool
         Let the velocity stand for the body's x axis. The paper integrates accelerations with a rate
         that nothing measures (Eq. 22); without sideslip and angle of attack this is what it yields.
@@ -101,7 +97,6 @@ class ClosedForm:
     weights: Literal["equal", "covariance"] = "equal"
     gravity: Gravity = "specific force"
     factors: tuple[Any, ...] = ()
-    orthogonalise: bool = False
     moves_forward: bool = True
     name: str = "closed-form"
 
@@ -180,15 +175,11 @@ class ClosedForm:
         """Return rotations of epochs, (n, 3, 3), NaN where there is none."""
         if self.weights == "covariance":
             return wahba(pairs).R_nb
-        if self.orthogonalise:
-            return paper_rotation(pairs)
         return rotations.from_euler(*rotations.to_euler(paper_matrix(pairs)).T)
 
     def _notes(self, used: Mapping[str, int], rank: int) -> list[str]:
         notes = [f"Pairs: {', '.join(f'{count} of {kind}' for kind, count in used.items())}."]
-        if rank == 2 and self.weights == "equal" and self.orthogonalise:
-            notes += ["Attitude is the rotation nearest to the paper's matrix."]
-        elif rank == 2 and self.weights == "equal":
+        if rank == 2 and self.weights == "equal":
             notes += ["Angles are read from the paper's matrix, which is not quite a rotation."]
         if count := used.get("velocity", 0):
             notes += [

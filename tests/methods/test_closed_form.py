@@ -90,15 +90,6 @@ def replace_noise(code):
     return GnssTable(rate_hz=5.0, code_noise_m=code, atmosphere=False)
 
 
-def test_raw_and_orthogonal_matrix_differ_and_say_so(array_flight):
-    raw = ClosedForm(resolver=Truth())(array_flight)
-    square = ClosedForm(resolver=Truth(), orthogonalise=True)(array_flight)
-    apart = rotations.log(raw.R_nb.swapaxes(1, 2) @ square.R_nb)
-    assert np.degrees(np.abs(apart)).max() > 0.05
-    assert "Angles are read from the paper's matrix, which is not quite a rotation." in raw.notes
-    assert "Attitude is the rotation nearest to the paper's matrix." in square.notes
-
-
 def test_default_integers_are_those_of_arcs(array_flight):
     estimate = ClosedForm()(array_flight)
     assert estimate.integers.resolver == "constrained-arcs"

@@ -31,8 +31,7 @@ LIVELY = Motion(
 # 30 km ahead: an error of position counts for nothing, whatever part of it the flight states.
 BEACON = SeekerTable(landmark=Place(latitude_deg=40.6, height_m=300.0), range_m=50e3)
 KINDS = ("baseline", "gravity", "line of sight")
-METHODS = {"equal": ClosedForm, "nearest": ClosedForm, "weighted": weighted}
-SETTINGS = {"nearest": {"orthogonalise": True}}
+METHODS = {"equal": ClosedForm, "weighted": weighted}
 
 
 def flown(seed, *, scale=1.0):
@@ -62,7 +61,7 @@ def closed_form(how, missing, gravity):
     """Return the method without one kind of pair, and what of the flight goes with it."""
     resolver = NoIntegers() if missing == "baseline" else Truth()
     gravity = None if missing == "gravity" else gravity
-    method = METHODS[how](resolver=resolver, gravity=gravity, **SETTINGS.get(how, {}))
+    method = METHODS[how](resolver=resolver, gravity=gravity)
     left_out = ("line-of-sight",) if missing == "line of sight" else ()
     return restricted(how, method, left_out)
 
