@@ -20,6 +20,7 @@ from fgnav.attitude.flight_vectors import Track, track_of, with_velocity
 from fgnav.attitude.vector_pairs import (
     VectorAttitude,
     VectorPairs,
+    collinear,
     paper_matrix,
     sensitivity,
     stacked,
@@ -113,13 +114,13 @@ class ClosedForm:
         epochs, losses = self._epochs(flight, array, track)
         pairs = epochs.pairs
         attitude = wahba(self._weighted(pairs))
-        rank = min(2, int(attitude.rank.max(initial=0)))
+        rank = _rank(array, attitude.rank)
         solve = self._rotations if rank == 2 else lambda some: wahba(self._weighted(some)).R_nb
         R_nb, covariance = solve(pairs), _covariance(solve, epochs, array, attitude)
         nose: BoolArray = (pairs.valid & (_kinds(pairs) == "velocity")).any(axis=1)
         largest_rad2 = np.linalg.eigvalsh(covariance)[:, -1]
         determined = nose | (rank < 2) | (largest_rad2 < open_angle_variance_rad2())
-        keep = np.isfinite(R_nb[:, 0, 0]) & (attitude.rank == rank) & determined
+        keep = np.isfinite(R_nb[:, 0, 0]) & (attitude.rank >= max(rank, 1)) & determined
         lost = _lost("no two vectors out of line" if rank == 2 else "no vector", keep)
         used = Counter(_kinds(pairs)[np.nonzero(pairs.valid & keep[:, None])[1]].tolist())
         t_s, R_nb = epochs.t_s[keep], R_nb[keep]
@@ -203,6 +204,16 @@ def _track(flight: Flight, *, needed: bool) -> Track | None:
         return None
 
 
+def _rank(array: _Array | None, ranks: IntArray) -> int:
+    """Return 2 where epochs determine the attitude, 1 where an axis is left open.
+
+    An array on a line leaves it open where other vectors join it at few epochs only.
+    """
+    if array is not None and collinear(array.differences.baselines_b_m):
+        return 2 if (ranks >= 2).sum() >= (ranks == 1).sum() else 1
+    return min(2, int(ranks.max(initial=0)))
+
+
 def _covariance(
     solve: Callable[[VectorPairs], FloatArray],
     epochs: _Epochs,
@@ -250,8 +261,9 @@ def _motion(
 
 def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, ...]:
     """Return the names of what vectors on one line leave open."""
-    line = {} if array is None else {_BASELINE: axis_name(array.differences.baselines_b_m)}
-    return tuple((_OPEN_ABOUT | line)[kind] for kind in used)
+    if array is not None and _BASELINE in used:
+        return (axis_name(array.differences.baselines_b_m),)
+    return tuple(_OPEN_ABOUT[kind] for kind in used)
 
 
 def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:

@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -120,6 +121,17 @@ def test_two_antennas_leave_roll_open_by_name():
     assert estimate.unobservable == ("roll",)
     np.testing.assert_allclose(rotations.to_euler(estimate.R_nb)[:, 0], 0, atol=1e-9)
     assert (euler_rmse_deg(flight, estimate)[1:] < 0.6).all()
+
+
+def test_two_antennas_have_their_roll_from_an_accelerometer_and_not_from_a_few_sights():
+    two = ((0.0, 0.0, 0.0), (1.6, 0.0, 0.0))
+    by_force = ClosedForm(resolver=Truth())(flown(gnss=GNSS, antennas_b_m=two, imu=ImuTable()))
+    assert by_force.unobservable == ()
+    assert len(by_force.t_s) == 48  # both ends lack an acceleration
+    beacon = msgspec.structs.replace(BEACON, range_m=1500.0)  # from the eighth second on
+    by_sight = ClosedForm(resolver=Truth())(flown(gnss=GNSS, antennas_b_m=two, seeker=beacon))
+    assert by_sight.unobservable == ("roll",)
+    assert len(by_sight.t_s) == 50
 
 
 def test_specific_force_and_line_of_sight_replace_an_array():
