@@ -8,8 +8,10 @@ flight are seen.
 import logging
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 import torch
 
@@ -20,20 +22,19 @@ from fgnav.io.strict_toml import Positive
 from fgnav.methods.smoother import Batch
 from fgnav.neural import NeuralFactor
 from fgnav.neural.correlation import inflation
+from fgnav.neural.manifest import read_manifest
+from fgnav.neural.records import of_flight
+from fgnav.neural.windows import windows
 from fgnav.types.flight import Flight
-from fgnav_models.training.gravity.features import course_motion, differenced, windows
 from fgnav_models.training.gravity.nets import GravityNet
 from fgnav_models.training.learning import Count, Steps
 from fgnav_models.training.smoother.flights import TrainingFlight, training_flight
 from fgnav_models.training.smoother.loss import negative_log_likelihood
 from fgnav_models.training.train import Batch as Tensors
-from fgnav_sim.data_sets.gravity_motions import drawn_motion
+from fgnav_sim.data_sets.gravity import VELOCITY_HZ, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.scenario import FixesTable, Scenario
-from fgnav_sim.simulate import simulate
 
 _LOG = logging.getLogger("fgnav")
-_FIX_HZ = 10.0
 _LEAST_SINE = 1e-9
 _SAME = 1e-6  # of a window: times are rounded
 
@@ -54,24 +55,20 @@ class Through(Steps, frozen=True):
     batch: Count = 8
     learning_rate: Positive = 2e-5
 
+    def world(self, world: GravityWorld) -> GravityWorld:
+        """Return a world of its flights, whose velocities are judged at the accelerometer."""
+        length = msgspec.structs.replace(world.windows, flight_s=self.duration_s)
+        return msgspec.structs.replace(
+            world, windows=length, accelerometer_arm_m=(0.0, 0.0, 0.0)
+        )
+
 
 def flown(
-    world: GravityWorld, phases: tuple[str, ...], count: int, duration_s: float, seed: list[int]
+    world: GravityWorld, phases: tuple[str, ...], count: int, seed: list[int]
 ) -> list[Flight]:
-    """Return flights of the networks' world, with fixes ten times a second."""
-    out = []
-    for number, rng in enumerate(np.random.default_rng(seed).spawn(count)):
-        kind = phases[number % len(phases)]
-        motion = drawn_motion(world, kind, rng=rng)
-        scenario = Scenario(
-            name=f"{kind} {number}",
-            duration_s=duration_s,
-            motion=motion,
-            imu=world.imu,
-            fixes=FixesTable(rate_hz=_FIX_HZ, velocity_noise_mps=world.velocity_noise_mps),
-        )
-        out.append(simulate(scenario, rng))
-    return out
+    """Return flights of the networks' world, of one kind after another."""
+    rngs = np.random.default_rng(seed).spawn(count)
+    return [gravity_flight(world, phases[k % len(phases)], rng=rng) for k, rng in enumerate(rngs)]
 
 
 class Errors(NamedTuple):
@@ -137,8 +134,10 @@ def symmetric_root(P: torch.Tensor) -> torch.Tensor:
     return (P + root_det * torch.eye(2, dtype=P.dtype)) / (trace + 2 * root_det).sqrt()
 
 
-def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> list[GravityFlight]:
+def gravity_flights(flights: list[Flight], method: Batch, manifest: Path) -> list[GravityFlight]:
     """Return flights linearised with a network's answers; those it does not solve are counted.
+
+    ``manifest`` says what the network sees of them.
 
     Raises
     ------
@@ -151,7 +150,7 @@ def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> lis
             linearised = training_flight(flight, method)
         except NoSolutionError:
             continue
-        out.append(_gravity_flight(flight, linearised, aided=aided))
+        out.append(_gravity_flight(flight, linearised, manifest))
     if not out:
         raise BadInputError("through the smoother: it solves none of the flights; take more")
     if len(out) < len(flights):
@@ -163,18 +162,10 @@ def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> lis
     return out
 
 
-def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) -> GravityFlight:
-    fixes, imu = flight.fixes, flight.imu
-    if fixes is None or fixes.v_n_mps is None or imu is None:
-        raise BadInputError(f"flight {flight.name}: training gravity needs velocities and an [imu]")
-    velocity, acceleration = differenced(fixes.t_s, fixes.v_n_mps)
-    ends_s = fixes.t_s[2:]  # of windows: the newest of three velocities
-    f_b_mps2, covered = windows(imu, ends_s)
-    row = linearised.rows(ends_s)
-    kept = np.flatnonzero(covered & (row >= 0))
-    row = row[kept]
-    motion = course_motion(*(torch.from_numpy(x[kept]) for x in (velocity, acceleration)))
-    seen = (torch.from_numpy(f_b_mps2[kept]), motion)[: 2 if aided else 1]
+def _gravity_flight(flight: Flight, linearised: TrainingFlight, manifest: Path) -> GravityFlight:
+    inputs, records = read_manifest(manifest).inputs, of_flight(flight)
+    shown = windows(inputs, [records[one.sensor] for one in inputs], linearised.t_s)
+    row = np.flatnonzero(shown.usable)
     down_b = linearised.states.R_nb[row, 2]
     axes = across(down_b)
     jacobian = np.zeros((len(row), 2, linearised.states.width))
@@ -182,7 +173,7 @@ def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) 
     return GravityFlight(
         flight=linearised,
         row=row,
-        seen=tuple(x.float() for x in seen),
+        seen=tuple(torch.from_numpy(x[row]).float() for x in shown.inputs),
         down_b=down_b,
         across_b=axes,
         jacobian=jacobian,
@@ -201,7 +192,7 @@ class DrawnFlights:
     @property
     def _every(self) -> int:
         """Windows from answer to answer."""
-        return max(1, math.ceil(_FIX_HZ * self.errors.interval_s - _SAME))
+        return max(1, math.ceil(VELOCITY_HZ * self.errors.interval_s - _SAME))
 
     def __call__(self, step: int) -> Tensors:
         """Return flights and first windows of a step, (batch, 2), int64."""
