@@ -21,6 +21,7 @@ from fgnav_sim.vehicle.tables import Column, MotorTable, Vehicle, load_vehicle
 _Draw: TypeAlias = Callable[[Range], float]
 
 _BURNT_OUT_S = -60.0  # ignition; longer ago than any shipped motor burns
+_STEP_S = 2e-3  # of the integration; five to a row of 10 ms
 _WIND_HEIGHTS_M = (0.0, 3000.0)
 _CALMER = 1 / 3  # wind and gusts of a glider by those of a rocket
 # Thrust of a motorised glider by its weight: 0.06 holds the height, 0.3 climbs at 15 degrees.
@@ -52,12 +53,13 @@ def _rocket(world: GravityWorld, draw: _Draw) -> FlownTable:
     speed = draw(ranges.rail_mps if boosts else ranges.coast_mps)
     pitch = draw((50.0, 89.0) if boosts else (-60.0, 89.0))
     spin = draw(ranges.spin_degps) if draw((0, 1)) < 0.5 else 0.0
-    return FlownTable(
+    flown = FlownTable(
         vehicle=vehicle,
         start=_start(world, draw, speed, pitch, 180.0, spin),
         ignition_s=0.0 if boosts else _BURNT_OUT_S,
-        **_air(world, draw, 1.0),
+        step_s=_STEP_S,
     )
+    return _in_air(flown, world, draw)
 
 
 def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
@@ -70,7 +72,7 @@ def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
         start, euler_deg=(roll, pitch, yaw), rate_b_degps=(0.0, 0.0, 0.0), rear_spin_degps=spin
     )
     turning = draw((0, 1)) < 0.3
-    return FlownTable(
+    flown = FlownTable(
         vehicle=_varied("rocket", world, draw),
         start=start,
         ignition_s=_BURNT_OUT_S,
@@ -81,8 +83,9 @@ def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
             pitch=_swing(world, draw, pitch - draw((0.0, 4.0))),
             yaw=_swing(world, draw, yaw),
         ),
-        **_air(world, draw, 1.0),
+        step_s=_STEP_S,
     )
+    return _in_air(flown, world, draw)
 
 
 def _glider(world: GravityWorld, draw: _Draw) -> FlownTable:
@@ -99,11 +102,12 @@ def _glider(world: GravityWorld, draw: _Draw) -> FlownTable:
             thrust_n=(0.0, thrust, thrust),
         )
         vehicle = msgspec.structs.replace(vehicle, motor=motor)
-    return FlownTable(
+    flown = FlownTable(
         vehicle=vehicle,
         start=_start(world, draw, draw(world.bodies.glide_mps), draw((-35.0, 15.0)), 45.0, 0.0),
-        **_air(world, draw, _CALMER),
+        step_s=_STEP_S,
     )
+    return _in_air(flown, world, draw, _CALMER)
 
 
 def _vacuum(world: GravityWorld, draw: _Draw) -> FlownTable:
@@ -113,6 +117,7 @@ def _vacuum(world: GravityWorld, draw: _Draw) -> FlownTable:
     return FlownTable(
         vehicle=load_vehicle("rigid_body"),
         start=_start(world, draw, speed, pitch, 180.0, spin),
+        step_s=_STEP_S,
         air=False,
     )
 
@@ -133,18 +138,17 @@ def _start(
     )
 
 
-def _air(world: GravityWorld, draw: _Draw, share: float) -> dict[str, WindTable | GustsTable]:
-    """Return wind, from two directions at two heights, and gusts."""
-    size = [share * draw(world.bodies.wind_mps) for _ in _WIND_HEIGHTS_M]
-    angle = [draw((-np.pi, np.pi)) for _ in _WIND_HEIGHTS_M]
-    return {
-        "wind": WindTable(
-            height_m=_WIND_HEIGHTS_M,
-            north_mps=tuple((size * np.cos(angle)).tolist()),
-            east_mps=tuple((size * np.sin(angle)).tolist()),
-        ),
-        "gusts": GustsTable(sigma_mps=share * draw(world.bodies.gusts_mps)),
-    }
+def _in_air(flown: FlownTable, world: GravityWorld, draw: _Draw, share: float = 1.0) -> FlownTable:
+    """Return a flight in wind, from two directions at two heights, and gusts."""
+    size = np.array([share * draw(world.bodies.wind_mps) for _ in _WIND_HEIGHTS_M])
+    angle = np.array([draw((-np.pi, np.pi)) for _ in _WIND_HEIGHTS_M])
+    wind = WindTable(
+        height_m=_WIND_HEIGHTS_M,
+        north_mps=tuple((size * np.cos(angle)).tolist()),
+        east_mps=tuple((size * np.sin(angle)).tolist()),
+    )
+    gusts = GustsTable(sigma_mps=share * draw(world.bodies.gusts_mps))
+    return msgspec.structs.replace(flown, wind=wind, gusts=gusts)
 
 
 def _swing(world: GravityWorld, draw: _Draw, middle_deg: float, times: float = 1.0) -> Command:
@@ -181,13 +185,14 @@ def _varied(name: str, world: GravityWorld, draw: _Draw) -> Vehicle:
             canards, forebody_inertia_kgm2=mass * canards.forebody_inertia_kgm2
         )
     groups = {("cd0", "cd2", "cdk"): ranges.drag, _LIFT: ranges.lift, _MOMENT: ranges.moment}
-    changes = {
-        field: _times(draw(limits), getattr(shape, field))
-        for fields, limits in groups.items()
-        for field in fields
-        if hasattr(shape, field)
-    }
-    shape = msgspec.structs.replace(shape, **changes)
+    if shape is not None:
+        changes = {
+            field: _times(draw(limits), getattr(shape, field))
+            for fields, limits in groups.items()
+            for field in fields
+            if hasattr(shape, field)
+        }
+        shape = msgspec.structs.replace(shape, **changes)
     return msgspec.structs.replace(
         vehicle, body=body, motor=motor, aerodynamics=shape, canards=canards
     )

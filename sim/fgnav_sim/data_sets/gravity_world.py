@@ -131,4 +131,3 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
                 f"shard_epochs: must hold whole flights of {self.windows.per_flight} windows, "
                 f"got {self.shard_epochs}"
             )
-

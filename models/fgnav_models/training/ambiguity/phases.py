@@ -132,14 +132,14 @@ def find(campaign: Campaign, order: Order) -> Findings:
         rng=np.random.default_rng([campaign.seed, _DATA]),
     )
     bench = _Bench(campaign, samples, order)
-    chosen = {
+    chosen: dict[str, Experiment] = {
         task: three_phases(campaign.grid, campaign.start, task, bench.accuracy_percent)
         for task in campaign.grid.tasks
     }
     shares = msgspec.structs.replace(campaign.data, shares=campaign.final.shares)
     window = max(experiment.window for experiment in chosen.values())
     parts = parts_of(samples, shares, window, rng=_rng(campaign, _PARTS))
-    ensembles = {
+    ensembles: dict[str, Ensemble] = {
         task: _ensemble(campaign, experiment, samples, parts, order)
         for task, experiment in chosen.items()
     }

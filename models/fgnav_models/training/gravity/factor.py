@@ -59,8 +59,8 @@ class GravityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
     """A network with what its manifest needs: direction, Cholesky factor, domain's figures.
 
     Along the direction, where the covariance has nothing and nothing counts, it is given the mean
-    of the other two variances. All that comes before the layers is in double precision: where
-    forces are nearly along the velocity, rounding alone would turn the physical pair.
+    of the other two variances. All is in double precision: where forces are nearly along the
+    velocity, rounding alone would turn the physical pair.
     """
 
     def __init__(self, net: GravityNet) -> None:
@@ -77,7 +77,8 @@ class GravityFactor(nn.Module):  # type: ignore[misc]  # mypy skips torch
         figures = figures_of_windows(self.net, f_b_mps2, self.net.motion(v_n_mps), covariance)
         mean = (covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]) / 2
         P = covariance + mean[:, None, None] * g_b[:, :, None] * g_b[:, None, :]
-        return g_b, _cholesky(P), *(figure[:, None].float() for figure in figures.values())
+        outputs = (g_b, _cholesky(P), *(figure[:, None] for figure in figures.values()))
+        return tuple(output.float() for output in outputs)
 
 
 def release_gravity(

@@ -49,7 +49,10 @@ class CourseMotion(nn.Module):  # type: ignore[misc]  # mypy skips torch
         self.register_buffer("weights", torch.from_numpy(weights))
 
     def forward(self, v_n_mps: torch.Tensor) -> Motion:
-        """Return the motion of velocities, (n, VELOCITIES, 3); a vertical flight's course is north."""
+        """Return the motion of velocities, (n, VELOCITIES, 3).
+
+        A vertical flight has the course north.
+        """
         newest = v_n_mps[:, -1:]
         fitted = torch.einsum("wk,nkc->nwc", self.weights.to(v_n_mps.dtype), v_n_mps - newest)
         end = newest + fitted[:, :1]

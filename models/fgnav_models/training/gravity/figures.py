@@ -20,6 +20,7 @@ from fgnav_models.training.gravity.features import (
 from fgnav_models.training.gravity.nets import GravityNet
 from fgnav_models.training.release import markdown_table
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs
+from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate_many
 
@@ -75,7 +76,8 @@ def by_kind(
     within = answers.sigma_rad <= most_rad
     degrees = {"network": angles_deg(answers.g_b, epochs.g_b)}
     degrees |= {
-        name: angles_deg(baseline(name, epochs), epochs.g_b) for name in (BASELINES[0], "physical pair")
+        name: angles_deg(baseline(name, epochs), epochs.g_b)
+        for name in (BASELINES[0], "physical pair")
     }
     squared = np.einsum("ni,ni->n", error, np.linalg.solve(P, error[:, :, None])[:, :, 0])
     rows, rng = [], np.random.default_rng(0)
@@ -104,9 +106,7 @@ def by_kind(
     return markdown_table((*heads, "NLL less the best constant's"), rows), metrics
 
 
-def _gain(
-    error: FloatArray, P: FloatArray, flight: IntArray, rng: np.random.Generator
-) -> Interval:
+def _gain(error: FloatArray, P: FloatArray, flight: IntArray, rng: np.random.Generator) -> Interval:
     """Return the difference of mean NLL per flight, network less the best constant covariance."""
     own, constant = (_nll(error, one) for one in (P, error.T @ error / len(error)))
     _, number = np.unique(flight, return_inverse=True)
@@ -120,29 +120,33 @@ def _nll(error: FloatArray, P: FloatArray) -> FloatArray:
     return np.asarray((squared + np.linalg.slogdet(2 * np.pi * P)[1]) / 2)
 
 
-def free_flight(net: GravityNet, epochs: GravityEpochs, bias_mps2: float, noise_mps: float) -> str:
-    """Return a table of a coasting rocket's windows by what a steady lateral force shows of its roll.
+def free_flight(net: GravityNet, epochs: GravityEpochs, world: GravityWorld) -> str:
+    """Return a table of windows of a coasting rocket beside a bound on what they can tell.
 
-    Without thrust the accelerometer feels the air alone, mostly along the axis; the roll is only in
-    what is lateral, a force F of the window's mean square. Velocities have its direction with the
-    sigma of a fitted line's slope, the accelerometer with that of its bias. So the roll has the
-    sigma hypot(slope, bias) / F, at most that of an unknown angle, and at a slope gamma of the path
-    down errs by cos gamma times its sine.
+    Without thrust the accelerometer feels the air alone, nearly along the axis. The roll is in what
+    is lateral, a force F of the window's mean square: velocities have its direction with the sigma
+    of a fitted line's slope, the accelerometer with that of its bias, so that the roll has the
+    sigma hypot(slope, bias) / F, at most that of an unknown angle. The nose follows the velocity
+    less the wind w, which a window does not show. At a path's slope gamma down errs by
+    cos(gamma) sin(roll) and, in each of two axes, by sin(gamma) w / v.
     """
     rocket = PHASES.index("rocket")
     coast = np.abs(epochs.f_b_mps2[:, :, 0]).max(axis=1) < GRAVITY_MPS2
     own = epochs[(epochs.phase == rocket) & coast]
     if len(own) < _LEAST:
-        return ""
+        return "None of the windows is of one."
     answers = Answers.of(net, own)
     with torch.no_grad():
-        velocity = CourseMotion()(torch.from_numpy(own.v_n_mps)).velocity.numpy()
-    n = VELOCITIES
-    slope = np.sqrt(12 / (n * (n**2 - 1))) * VELOCITY_HZ * noise_mps
+        velocity = CourseMotion()(torch.from_numpy(own.v_n_mps).double()).velocity.numpy()
+    n, bias_mps2 = VELOCITIES, world.imu.accelerometer_bias_mps2
+    slope = np.sqrt(12 / (n * (n**2 - 1))) * VELOCITY_HZ * world.velocity_noise_mps[0]
     force = np.sqrt((own.f_b_mps2[:, :, 1:] ** 2).sum(axis=2).mean(axis=1))
     roll = np.minimum(np.hypot(slope, bias_mps2) / force, np.pi / np.sqrt(3))
-    level = velocity[:, 0] / np.linalg.norm(velocity, axis=1)
-    bound = np.degrees(level * np.sin(np.minimum(roll, np.pi / 2)))
+    wind = np.sqrt(np.square(np.linspace(*world.bodies.wind_mps)).mean() / 2)
+    speed = np.linalg.norm(velocity, axis=1)
+    level, steep = velocity[:, 0] / speed, velocity[:, 2] / speed
+    across = level * np.sin(np.minimum(roll, np.pi / 2))
+    bound = np.degrees(np.sqrt(across**2 + 2 * (steep * np.minimum(wind / speed, 1.0)) ** 2))
     degrees, stated = angles_deg(answers.g_b, own.g_b), np.degrees(answers.sigma_rad)
     rows = [
         [
@@ -153,7 +157,7 @@ def free_flight(net: GravityNet, epochs: GravityEpochs, bias_mps2: float, noise_
         ]
         for part in np.array_split(np.argsort(bound), _BINS)
     ]
-    heads = ("bound by the roll, deg", "its RMS", "network's error, RMS", "stated")
+    heads = ("bound, deg", "its RMS", "network's error, RMS", "stated")
     return markdown_table(heads, rows)
 
 

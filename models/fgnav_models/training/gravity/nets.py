@@ -129,16 +129,15 @@ class GravityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         Takes windows, (n, SAMPLES, 3), and velocities, (n, VELOCITIES, 3).
         """
         motion = self.motion(v_n_mps)
-        h = self.scaled(f_b_mps2, motion).float().clamp(-_FAR, _FAR)[None]
+        h = self.scaled(f_b_mps2, motion).clamp(-_FAR, _FAR)
         for k, layer in enumerate(self.dense[:-1]):
-            change = nn.functional.silu(layer(h))
+            change = nn.functional.silu(_sums(layer, h))
             h = change if k == 0 else h + change
-        answer = self.dense[-1](h)[0]
-        physics = directions(f_b_mps2, motion).float()
+        answer = _sums(self.dense[-1], h)
+        physics = directions(f_b_mps2, motion)
         g_b = unit((answer[:, 9:, None] * physics).sum(dim=1) + answer[:, :3])
-        across = torch.eye(3, device=g_b.device) - g_b[:, :, None] * g_b[:, None, :]
+        across = torch.eye(3).to(g_b) - g_b[:, :, None] * g_b[:, None, :]
         root = across @ _triangle(answer[:, 3:9]) * self.variance_scale.sqrt()
-        root = root.to(f_b_mps2.dtype)
         return g_b, root @ root.transpose(1, 2)
 
 
@@ -175,6 +174,11 @@ def negative_log_likelihood(module: nn.Module, batch: tuple[torch.Tensor, ...]) 
     return 0.5 * (squared + log_determinant).mean()
 
 
+def _sums(layer: StackedDense, x: torch.Tensor) -> torch.Tensor:
+    """Return a layer's sums, (n, o), in the precision of what it is given."""
+    return x @ layer.weight[0].to(x.dtype) + layer.bias[0].to(x.dtype)
+
+
 def _triangle(numbers: torch.Tensor) -> torch.Tensor:
     """Return lower triangles, (n, 3, 3): three logarithms of scales, three shears."""
     scale = torch.exp(numbers[:, :3].clamp(*_LOG_SIGMA_RANGE))
@@ -187,6 +191,6 @@ def _triangle(numbers: torch.Tensor) -> torch.Tensor:
 
 def _axes_across(g_b: torch.Tensor) -> torch.Tensor:
     """Return two unit vectors across each unit vector, (n, 2, 3)."""
-    least = torch.eye(3, device=g_b.device)[g_b.abs().argmin(dim=1)]
+    least = torch.eye(3).to(g_b)[g_b.abs().argmin(dim=1)]
     first = unit(cross(g_b, least))
     return torch.stack([first, cross(g_b, first)], dim=1)

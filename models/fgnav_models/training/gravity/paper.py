@@ -101,7 +101,8 @@ class _Bench:
         seen, held = (
             tuple(t.to(order.device) for t in _gravity(part, experiment)) for part in self.parts[:2]
         )
-        net = PaperGravity(experiment.architecture, *seen, experiment.seed).to(order.device)
+        net = PaperGravity(experiment.architecture, seen[0], seen[1], experiment.seed)
+        net.to(order.device)
         steps = max(1, ceil(experiment.passes * len(seen[0]) / experiment.batch))
         trained = train(
             net,
@@ -121,7 +122,8 @@ class _Bench:
         )
         if not trained.finished:
             raise SliceOver
-        return net.cpu()
+        net.cpu()
+        return net
 
 
 def _error_deg(net: PaperGravity, epochs: GravityEpochs, experiment: Experiment) -> float:

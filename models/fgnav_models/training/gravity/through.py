@@ -58,9 +58,7 @@ class Through(Steps, frozen=True):
     def world(self, world: GravityWorld) -> GravityWorld:
         """Return a world of its flights, whose velocities are judged at the accelerometer."""
         length = msgspec.structs.replace(world.windows, flight_s=self.duration_s)
-        return msgspec.structs.replace(
-            world, windows=length, accelerometer_arm_m=(0.0, 0.0, 0.0)
-        )
+        return msgspec.structs.replace(world, windows=length, accelerometer_arm_m=(0.0, 0.0, 0.0))
 
 
 def flown(

@@ -233,7 +233,7 @@ def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.
 
 
 def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Statistic, ...]:
-    """Return what figures span over training windows that are answered, and the largest sigma."""
+    """Return what figures span over windows that are answered, and the largest sigma."""
     rows, most_rad = Rows.of(epochs[:_SCALED]), float(np.radians(how.most_sigma_deg))
     seen = rows.seen(aided=net.aided)
     with torch.no_grad():
@@ -253,7 +253,7 @@ def _release(
     Returns the figures of its card.
     """
     how, world, words, apart = recipe.training, recipe.world, learned.release, flights(_TEST)
-    domain = _domain(net, flights(_TRAIN), how)
+    domain = _domain(net, flights(_CALIBRATE), how)
     table, metrics = by_kind(net, apart, np.radians(how.most_sigma_deg))
     release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
     manifest = folder / f"{words.name}.json"
@@ -271,8 +271,7 @@ def _release(
         "On the simulator's flown bodies": calibrated(bodies),
     }
     if net.aided:
-        bias = world.imu.accelerometer_bias_mps2
-        notes["A coasting rocket"] = free_flight(net, apart, bias, world.velocity_noise_mps[0])
+        notes["A coasting rocket"] = free_flight(net, apart, world)
     words = msgspec.structs.replace(words, notes=words.notes | notes)
     errors = found.half_life_s, found.lasting
     release_gravity(net, apart, words, errors, domain, metrics, folder)

@@ -1,5 +1,7 @@
 """How a network's errors are counted where it is trained through the smoother."""
 
+from math import ceil
+
 import numpy as np
 import pytest
 import torch
@@ -27,4 +29,4 @@ def test_errors_are_counted_as_the_released_factor_counts_them():
     assert errors.constant == factor.constants[0].name
     drawn = DrawnFlights(flights=[None], batch=1, errors=errors, seed=1)
     firsts = {int(drawn(step)[0][0, 1]) for step in range(200)}
-    assert firsts == set(range(9))  # windows ten times a second, an answer every 0.9 s
+    assert firsts == set(range(ceil(10 * errors.interval_s - 1e-6)))  # windows ten times a second
