@@ -9,10 +9,8 @@ import torch
 
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
-from fgnav.methods.smoother import Batch
 from fgnav.neural.calibration import calibration
-from fgnav.neural.factor import NeuralFactor
-from fgnav.neural.manifest import Statistic, read_manifest
+from fgnav.neural.manifest import Statistic
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
@@ -33,26 +31,16 @@ from fgnav_models.training.gravity.figures import (
 )
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
-from fgnav_models.training.gravity.through import (
-    DrawnFlights,
-    Errors,
-    Through,
-    flown,
-    gravity_flights,
-)
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import scaled
 from fgnav_models.training.release import markdown_table
-from fgnav_models.training.smoother.judging import compared, judged, report_rows, text
 from fgnav_models.training.train import train
-from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs
+from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
-# 4 is the paper's
-_THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL, _FOLLOWED, _SCENARIOS = range(10, 16)
-_VALIDATIONS = 20  # through the smoother
+_FOLLOWED, _SCENARIOS = 10, 11  # 4 is the paper's
 _SCALED = 50_000  # windows that inputs are scaled by, and the domain is told by
 
 
@@ -82,7 +70,6 @@ class Recipe(Table, frozen=True):
     world: GravityWorld
     paper: PaperStudy | None = None
     training: Training = Training()
-    through: Through = Through()
     network: tuple[Learned, ...] = ()
     seed: int = 1
 
@@ -92,12 +79,10 @@ def run(order: Order) -> list[str] | None:
     recipe = scaled(order, Recipe)
     try:
         rows = []
-        if recipe.paper is not None and order.through == "alone":
+        if recipe.paper is not None:
             rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
         flights = _Flights(recipe)
         rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
-        if order.through == "smoother":
-            rows += [row for one in recipe.network for row in _through(one, recipe, flights, order)]
     except SliceOver:
         return None
     heads = ("network", "tried on", "figure", "value")
@@ -159,57 +144,6 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     return net
 
 
-def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> list[list[str]]:
-    """Train a network on through the smoother, compare both; return its rows of the report."""
-    name, how, seed = learned.release.name, recipe.through, recipe.seed
-    world = how.world(recipe.world)
-    folder = made_folder(order.out / name / "through")
-    done = folder / "report_rows.json"
-    if done.exists():
-        return msgspec.json.decode(done.read_bytes(), type=list[list[str]])
-    net = _trained(learned, recipe, flights, order)
-    factor = NeuralFactor(order.out / f"{name}.json")
-    alone, stated = Batch(factors=(factor,)), read_manifest(factor.manifest).output
-    errors = Errors.of(factor, stated.half_life_s, stated.lasting)
-
-    def drawn(stream: int, count: int) -> DrawnFlights:
-        flights = flown(world, how.phases, count, [seed, stream])
-        return DrawnFlights(
-            flights=gravity_flights(flights, alone, factor.manifest),
-            batch=how.batch,
-            errors=errors,
-            seed=seed,
-        )
-
-    learn, held = drawn(_THROUGH, how.flights), drawn(_VALIDATE, how.validated)
-    trained = train(
-        net,
-        learn,
-        learn.loss,
-        how.settings(seed, _VALIDATIONS),
-        folder / "checkpoint.safetensors",
-        validate=lambda module: {"negative_log_likelihood": held.of_all(module)},
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(f"{name} through the smoother", progress),
-    )
-    if not trained.finished:
-        raise SliceOver
-    _release(net, flights, learned, recipe, folder)
-    unseen = flown(world, how.phases, how.held_out, [seed, _HELD_OUT])
-    through = Batch(factors=(NeuralFactor(folder / f"{name}.json"),))
-    before, after = (judged(one, unseen) for one in (alone, through))
-    both = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
-    words = learned.release
-    with_both = msgspec.structs.replace(
-        words, notes=words.notes | {"Trained through the smoother": text(both)}
-    )
-    learned = msgspec.structs.replace(learned, release=with_both)
-    _release(net, flights, learned, recipe, folder)
-    rows = report_rows(name, both)  # as text: an interval of few flights is none, which JSON lacks
-    write_text(done, msgspec.json.encode(rows).decode() + "\n")
-    return rows
-
-
 def _rows(name: str, metrics: dict[str, float]) -> list[list[str]]:
     return [[name, "unseen flights", key, f"{value:.4g}"] for key, value in metrics.items()]
 
@@ -258,9 +192,11 @@ def _release(
     release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
     manifest = folder / f"{words.name}.json"
     kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
-    found = calibration(
-        manifest, [(one, {}) for one in flown(world, kinds, how.followed, [recipe.seed, _FOLLOWED])]
-    )
+    rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
+    flights_of_kinds = [
+        gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)
+    ]
+    found = calibration(manifest, [(one, {}) for one in flights_of_kinds])
     bodies = {
         name: calibration(manifest, [(one, {}) for one in flown_scenario(name, how.flown, seed)])
         for row, name in enumerate(SCENARIOS)

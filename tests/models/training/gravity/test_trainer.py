@@ -1,7 +1,5 @@
 """The recipe of gravity, small, through the command, whole and in slices."""
 
-import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -55,31 +53,6 @@ def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, caps
     train(RECIPE, out=out, scale="smoke", resume=True)
     assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
     assert (out / "report.md").read_bytes() == (whole.parent / "report.md").read_bytes()
-
-
-def test_a_network_is_trained_on_through_the_smoother_and_compared(whole, tmp_path):
-    out = tmp_path / "out"
-    shutil.copytree(whole, out)
-    train(RECIPE, out=out, scale="smoke", resume=True, train_through="smoother")
-    report = (out / "report.md").read_text(encoding="utf-8")
-    assert re.search(
-        r"\| gravity through the smoother \| \d held-out flights \| attitude NLL \|", report
-    )
-    # What was trained alone stays as it is; what is trained on has a card of its own.
-    assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
-    folder = out / "gravity" / "through"
-    assert (folder / "gravity.onnx").read_bytes() != (whole / "gravity.onnx").read_bytes()
-    card = (folder / "gravity.md").read_text(encoding="utf-8")
-    assert re.search(
-        r"## Trained through the smoother\n\n\d flights that both solve, in pairs", card
-    )
-    train(RECIPE, out=out, scale="smoke", resume=True, train_through="smoother")
-    assert (out / "report.md").read_text(encoding="utf-8") == report
-
-
-def test_other_kinds_are_not_trained_through_the_smoother(tmp_path):
-    with pytest.raises(BadInputError, match=r"takes recipes of kind gravity, .* is of kind trust"):
-        train(RECIPE.with_name("trust.toml"), out=tmp_path, scale="smoke", train_through="smoother")
 
 
 def test_a_recipe_with_an_unknown_key_is_refused_by_name(tmp_path):
