@@ -140,7 +140,8 @@ def _start(
 
 def _in_air(flown: FlownTable, world: GravityWorld, draw: _Draw, share: float = 1.0) -> FlownTable:
     """Return a flight in wind, from two directions at two heights, and gusts."""
-    size = np.array([share * draw(world.bodies.wind_mps) for _ in _WIND_HEIGHTS_M])
+    limits = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
+    size = np.array([share * draw(one) for one in limits])
     angle = np.array([draw((-np.pi, np.pi)) for _ in _WIND_HEIGHTS_M])
     wind = WindTable(
         height_m=_WIND_HEIGHTS_M,

@@ -90,7 +90,9 @@ class BodyRanges(Table, frozen=True):
     # spin_degps: about the long axis, either way, of half of the rockets; the rest hardly roll
     spin_degps: Range = (0.0, 720.0)
     tumble_degps: Range = (0.0, 20.0)  # other rates at the start
-    wind_mps: Range = (0.0, 8.0)  # of a rocket; a glider has a third of it
+    # of a rocket, at the ground and 3 km above; a glider has a third of it
+    wind_mps: Range = (0.0, 6.0)
+    wind_aloft_mps: Range = (0.0, 12.0)
     gusts_mps: Range = (0.05, 1.5)  # likewise
     # swing_deg, swing_radps: of each commanded angle of guided bodies
     swing_deg: Range = (0.0, 5.0)

@@ -124,9 +124,9 @@ def free_flight(net: GravityNet, epochs: GravityEpochs, world: GravityWorld) -> 
     """Return a table of windows of a coasting rocket beside a bound on what they can tell.
 
     Without thrust the accelerometer feels the air alone, nearly along the axis. The roll is in what
-    is lateral, a force F of the window's mean square: velocities have its direction with the sigma
-    of a fitted line's slope, the accelerometer with that of its bias, so that the roll has the
-    sigma hypot(slope, bias) / F, at most that of an unknown angle. The nose follows the velocity
+    is lateral of it, the window's mean F: velocities have its direction with the sigma of a fitted
+    line's slope, the accelerometer with that of its bias, so that the roll has the sigma
+    hypot(slope, bias) / F, at most that of an unknown angle. The nose follows the velocity
     less the wind w, which a window does not show. At a path's slope gamma down errs by
     cos(gamma) sin(roll) and, in each of two axes, by sin(gamma) w / v.
     """
@@ -137,12 +137,14 @@ def free_flight(net: GravityNet, epochs: GravityEpochs, world: GravityWorld) -> 
         return "None of the windows is of one."
     answers = Answers.of(net, own)
     with torch.no_grad():
-        velocity = CourseMotion()(torch.from_numpy(own.v_n_mps).double()).velocity.numpy()
+        motion = CourseMotion()(torch.from_numpy(own.v_n_mps).double())
+    velocity, mean = motion.velocity.numpy(), motion.mean_force().numpy()
     n, bias_mps2 = VELOCITIES, world.imu.accelerometer_bias_mps2
     slope = np.sqrt(12 / (n * (n**2 - 1))) * VELOCITY_HZ * world.velocity_noise_mps[0]
-    force = np.sqrt((own.f_b_mps2[:, :, 1:] ** 2).sum(axis=2).mean(axis=1))
+    force = np.linalg.norm(np.cross(mean, velocity), axis=1) / np.linalg.norm(velocity, axis=1)
     roll = np.minimum(np.hypot(slope, bias_mps2) / force, np.pi / np.sqrt(3))
-    wind = np.sqrt(np.square(np.linspace(*world.bodies.wind_mps)).mean() / 2)
+    winds = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
+    wind = np.sqrt(np.mean([np.square(np.linspace(*one)).mean() for one in winds]) / 2)
     speed = np.linalg.norm(velocity, axis=1)
     level, steep = velocity[:, 0] / speed, velocity[:, 2] / speed
     across = level * np.sin(np.minimum(roll, np.pi / 2))
