@@ -172,7 +172,10 @@ def flown_scenario(name: str, count: int, seed: list[int]) -> list[Flight]:
 
 
 def calibrated(found: dict[str, Calibration]) -> str:
-    """Return a table of calibrations by name."""
+    """Return a table of calibrations by name.
+
+    "Together" is the NEES of the mean of a flight's answers, counted as the factor counts them.
+    """
     rows = [
         [
             name,
@@ -182,8 +185,9 @@ def calibrated(found: dict[str, Calibration]) -> str:
             f"{one.constant.nll:.2f}",
             f"{np.degrees(one.network.energy):.2f}",
             f"{np.degrees(one.constant.energy):.2f}",
+            f"{one.together[0]:.2f}",
         ]
         for name, one in found.items()
     ]
     heads = ("flights", "answers", "NEES of 1", "NLL", "constant's", "energy, deg", "constant's")
-    return markdown_table(heads, rows)
+    return markdown_table((*heads, "together"), rows)

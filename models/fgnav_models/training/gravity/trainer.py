@@ -180,35 +180,37 @@ def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Stat
 
 
 def _release(
-    net: GravityNet, flights: _Flights, learned: Learned, recipe: Recipe, folder: Path
+    net: GravityNet, drawn: _Flights, learned: Learned, recipe: Recipe, folder: Path
 ) -> dict[str, float]:
     """Release a factor, how long its errors last measured on flights as smoothers have them.
 
     Returns the figures of its card.
     """
-    how, world, words, apart = recipe.training, recipe.world, learned.release, flights(_TEST)
-    domain = _domain(net, flights(_CALIBRATE), how)
+    how, world, words, apart = recipe.training, recipe.world, learned.release, drawn(_TEST)
+    domain = _domain(net, drawn(_CALIBRATE), how)
     table, metrics = by_kind(net, apart, np.radians(how.most_sigma_deg))
     release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
     manifest = folder / f"{words.name}.json"
     kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
     rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
-    flights_of_kinds = [
-        gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)
-    ]
-    found = calibration(manifest, [(one, {}) for one in flights_of_kinds])
-    bodies = {
-        name: calibration(manifest, [(one, {}) for one in flown_scenario(name, how.flown, seed)])
+    followed = [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
+    found = calibration(manifest, [(one, {}) for one in followed])
+    errors = found.half_life_s, found.lasting
+    release_gravity(net, apart, words, errors, domain, metrics, folder)
+    judged = {"all kinds alike": followed} | {
+        name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, row])
         for row, name in enumerate(SCENARIOS)
-        if (seed := [recipe.seed, _SCENARIOS, row])
+    }
+    bodies = {
+        name: calibration(manifest, [(one, {}) for one in flights])
+        for name, flights in judged.items()
     }
     notes = {
         "By kind of flight": table,
-        "On the simulator's flown bodies": calibrated(bodies),
+        "As a factor, on flights of the world and of the simulator's scenarios": calibrated(bodies),
     }
     if net.aided:
         notes["A coasting rocket"] = free_flight(net, apart, world)
     words = msgspec.structs.replace(words, notes=words.notes | notes)
-    errors = found.half_life_s, found.lasting
     release_gravity(net, apart, words, errors, domain, metrics, folder)
     return metrics
