@@ -22,6 +22,7 @@ class Order:
     device: Device
     deadline_s: float  # reading of ``time.perf_counter`` at which to stop with a checkpoint
     watch: Callable[[str, Progress], None]  # to be told what is trained and how it stands
+    plan: bool = False  # a few steps of each network in the place of all
 
 
 class Trainer(Protocol):

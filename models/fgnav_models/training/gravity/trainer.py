@@ -1,7 +1,6 @@
 """Recipes of kind ``gravity``: the source paper's networks, and those that are released."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -33,8 +32,8 @@ from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_l
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.recipes import said, scaled
+from fgnav_models.training.release import made_with, markdown_table
 from fgnav_models.training.train import train
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
@@ -114,7 +113,7 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
     if done.exists():
         return _rows(name, msgspec.json.decode(done.read_bytes(), type=dict[str, float]))
     net = _trained(learned, recipe, flights, order)
-    metrics = _release(net, flights, learned, recipe, order.out)
+    metrics = _release(net, flights, learned, recipe, order)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 
@@ -180,7 +179,7 @@ def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Stat
 
 
 def _release(
-    net: GravityNet, drawn: _Flights, learned: Learned, recipe: Recipe, folder: Path
+    net: GravityNet, drawn: _Flights, learned: Learned, recipe: Recipe, order: Order
 ) -> dict[str, float]:
     """Release a factor, how long its errors last measured on flights as smoothers have them.
 
@@ -189,14 +188,20 @@ def _release(
     how, world, words, apart = recipe.training, recipe.world, learned.release, drawn(_TEST)
     domain = _domain(net, drawn(_CALIBRATE), how)
     table, metrics = by_kind(net, apart, np.radians(how.most_sigma_deg))
-    release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
-    manifest = folder / f"{words.name}.json"
+    content = {key: said(getattr(recipe, key)) for key in ("world", "training")}
+    origin = made_with(recipe.seed, content | {"aided": net.aided}, metrics, order)
+
+    def write(words: Release, errors: tuple[float, float]) -> None:
+        release_gravity(net, apart, words, errors, domain, metrics, order.out, origin)
+
+    write(words, (0.0, 0.0))
+    manifest = order.out / f"{words.name}.json"
     kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
     rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
     followed = [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
     found = calibration(manifest, [(one, {}) for one in followed])
     errors = found.half_life_s, found.lasting
-    release_gravity(net, apart, words, errors, domain, metrics, folder)
+    write(words, errors)
     judged = {"all kinds alike": followed} | {
         name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, row])
         for row, name in enumerate(SCENARIOS)
@@ -212,5 +217,5 @@ def _release(
     if net.aided:
         notes["A coasting rocket"] = free_flight(net, apart, world)
     words = msgspec.structs.replace(words, notes=words.notes | notes)
-    release_gravity(net, apart, words, errors, domain, metrics, folder)
+    write(words, errors)
     return metrics
