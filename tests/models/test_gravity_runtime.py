@@ -88,7 +88,7 @@ def test_bodies_that_fly_by_themselves_are_answered_honestly(name):
     assert found.count > found.outside
 
 
-def test_a_level_turn_is_known_to_a_degree():
+def test_gravity_is_right_to_a_degree_in_a_level_turn():
     found = calibration(manifest("gravity"), [(flown(BANKED, seed=k), {}) for k in range(4)])
     errors = np.array([one.rms for one in found.bins])
     assert np.degrees(np.sqrt(2 * (errors**2).mean())) < 1.3
