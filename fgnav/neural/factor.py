@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, positive
+from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.gravity import GravityDirection
-from fgnav.neural.correlation import inflation, interval_s
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
