@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
-_FORMATS = (
+FORMATS = (
     "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
     "rtcm3, rinex, sp3, or an installed one; else told by each file's content."
 )
@@ -18,7 +18,7 @@ _FORMATS = (
 def import_(
     *recordings: Path,
     out: Path,
-    format: Annotated[str | None, Parameter(help=_FORMATS)] = None,  # noqa: A002
+    format: Annotated[str | None, Parameter(help=FORMATS)] = None,  # noqa: A002
     settings: Path | None = None,
     json: JsonFile = None,
 ) -> None:
@@ -48,7 +48,6 @@ def import_(
     if not recordings:
         raise BadInputError("recordings: name a file to import, or several")
     stated = read_settings(settings)
-    importers = {one: importer_named(format or recognised(one)) for one in recordings}
     check_empty(out)
     check_places(json)
     with (
@@ -56,9 +55,10 @@ def import_(
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
         imported = []
-        for one, importer in importers.items():
+        for one in recordings:
+            name, file = recognised(one, Path(scratch), format)
             with step(f"reading {one}"):
-                imported.append(importer(one, stated, Path(scratch)))
+                imported.append(importer_named(name)(file, stated, Path(scratch)))
         with step(f"writing {out}"):
             assembled = assemble(imported, stated)
             write(assembled, out, verify=bool(assembled.observations and assembled.navigation))

@@ -28,7 +28,7 @@ def case(shared):
 
 def new(path: Path, scratch: Path) -> Assembled:
     """Return what ``fgnav new`` makes of a file."""
-    name = recognised(path)
+    name, path = recognised(path, scratch)
     settings = Settings(csv=(guessed(path),) if name == "csv" else ())
     return assemble([importer_named(name)(path, settings, scratch)], settings)
 

@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import GZIP, gunzipped, read_bytes
+from fgnav.io.user_files import read_bytes
 
 Bytes = NDArray[np.uint8]
-
-_FOREIGN = {b"\x1f\x9d": "compress (.Z)", b"PK": "zip", b"BZh": "bzip2"}
 
 
 def read_text(path: Path) -> Bytes:
@@ -20,7 +18,7 @@ def read_text(path: Path) -> Bytes:
     Parameters
     ----------
     path : Path
-        Plain, .gz, or Hatanaka-compressed (.crx, .crx.gz); told by content, not by name.
+        Plain, packed (.gz, .Z, .bz2, .xz) or Hatanaka's (.crx); told by content, not by name.
 
     Returns
     -------
@@ -32,11 +30,8 @@ def read_text(path: Path) -> Bytes:
         If the file is missing, empty, packed otherwise or damaged in its packing.
     """
     content = read_bytes(path, is_text=True)
-    if content.startswith(GZIP):
-        content = gunzipped(path, content)
-    for magic, name in _FOREIGN.items():
-        if content.startswith(magic):
-            raise BadInputError(f"{path}: must be plain, gzip or Hatanaka, got {name}; unpack it")
+    if content.startswith(b"PK"):
+        raise BadInputError(f"{path}: must be text, or packed by gzip or such, got zip; unpack it")
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)
     if not content[:1000].strip():

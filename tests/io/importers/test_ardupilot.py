@@ -82,6 +82,32 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     assert lost == {"has no height (Status)": 1, "of another instance": 100}
 
 
+def test_a_log_of_2014_counts_milliseconds(tmp_path):
+    columns = "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T"
+    formats = {
+        1: ("IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "<I6f"),
+        2: ("GPS", "BIHBcLLeeEefI", columns, "<BIHBhiiiiIifI"),
+    }
+    out = record(128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    for kind, (name, form, names, code) in formats.items():
+        size = struct.calcsize(code) + 3
+        out += record(128, kind, size, name.encode(), form.encode(), names.encode())
+    for k in range(100):
+        body = struct.pack("<I6f", 5000 + 20 * k, 0.1, 0.2, 0.3, 1.0, 2.0, -9.75)
+        out += b"\xa3\x95\x01" + body
+    for k in range(2):
+        place = (470_000_000, 80_000_000, 100, 45_000, 500, 9000, 0.5)
+        fix = struct.pack("<BIHBhiiiiIifI", 3, MS + 1000 * k, WEEK, 12, 80, *place, 5000 + 1000 * k)
+        out += b"\xa3\x95\x02" + fix
+    (tmp_path / "log.BIN").write_bytes(out)
+    _, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert flight.start_gps_s == WEEK * 604800 + MS / 1e3
+    np.testing.assert_allclose(flight.imu.t_s[[0, -1]], [0, 1.98], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes.t_s, [0, 1], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [0, 5, 0.5], atol=1e-6)
+    assert flight.origin.height_m == pytest.approx(450)
+
+
 def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
     (tmp_path / "log.BIN").write_bytes(log(around=True))
     _, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN", toml=AROUND)

@@ -145,7 +145,7 @@ def test_formats_are_told_by_first_bytes_then_by_names(tmp_path):
         ("imu.csv", b"1,2,3\n", "csv"),
     ]:
         (tmp_path / name).write_bytes(content)
-        assert recognised(tmp_path / name) == format_
+        assert recognised(tmp_path / name, tmp_path)[0] == format_
 
 
 def test_help_names_every_format(capsys):
@@ -158,7 +158,7 @@ def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
     (tmp_path / "a.xyz").write_bytes(b"\0\1")
     line = refused(capsys, tmp_path, tmp_path / "a.xyz")
     assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state it by" in line
-    assert "fgnav import --format, one of csv, " in line
+    assert "state it by --format, one of csv, " in line
     assert "nowhere: no such file" in refused(capsys, tmp_path, tmp_path / "nowhere")
     assert main(["import", "--out", str(tmp_path / "none")]) == 2
     assert "name a file to import" in capsys.readouterr().err

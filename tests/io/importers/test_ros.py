@@ -123,8 +123,8 @@ def test_a_file_of_a_bag_alone_is_told_by_its_first_bytes(tmp_path):
 
     bag(tmp_path / "log", "mcap")
     file = next((tmp_path / "log").glob("*.mcap"))
-    assert recognised(file) == "mcap"
-    assert recognised(tmp_path / "log") == "rosbag"
+    assert recognised(file, tmp_path)[0] == "mcap"
+    assert recognised(tmp_path / "log", tmp_path)[0] == "rosbag"
     _, flight = imported(tmp_path, "mcap", file)
     assert len(flight.imu.t_s) == 20
 

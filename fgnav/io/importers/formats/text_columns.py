@@ -16,18 +16,25 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
-from fgnav.io.flight.toml import ImuKeys, gps_seconds
+from fgnav.geometry.earth import Origin
+from fgnav.io.flight.columns import BASELINE, PLACE
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording, unused_columns
+from fgnav.io.importers.recording import Clock, Recording, Samples, unused_columns, vectors
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of, max_bytes
+from fgnav.io.user_files import encoding_of, max_bytes, plain_name
 from fgnav.progress import report
 
 _ROWS_AT_ONCE = 50_000
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
 _GRAVITY = ", or gravity is not in it"
+_LOCAL = (
+    "fixes are local and were laid at 0 deg, 0 deg, 0 m: state [origin] in --settings, a place "
+    "within some km"
+)
 _AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
@@ -40,7 +47,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         If none is described, two are of one kind, their clocks differ, or the noise of an
         instrument that is described is not stated.
     """
-    described = [one for one in settings.csv if one.file in (None, path.name)]
+    described = [o for o in settings.csv if o.file is None or plain_name(o.file) == path.name]
     kinds = [one.table for one in described]
     if not described or len(set(kinds)) < len(kinds):
         raise BadInputError(
@@ -61,11 +68,25 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
             t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
             tables[kind] = {**rows, "t_s": t_s}
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
+    if BASELINE[0] in tables.get("fixes", {}):
+        tables["fixes"] = _placed(tables["fixes"], settings)
+        if settings.origin is None:
+            missing["origin"] = _LOCAL
     for table in described:
         missing |= _unconfirmed(path, table)
     count = max(len(rows["t_s"]) for rows in tables.values())
     losses = (*first.losses, unused_columns(path, unused, count, "no [[csv]] names them"))
     return replace(first, tables=tables, losses=losses, missing=missing)
+
+
+def _placed(rows: Samples, settings: Settings) -> Samples:
+    """Return fixes north, east, down of an origin with their places."""
+    at = settings.origin or Place(latitude_deg=0.0, longitude_deg=0.0, height_m=0.0)
+    angles = np.radians([at.latitude_deg, at.longitude_deg]).tolist()
+    origin = Origin(latitude_rad=angles[0], longitude_rad=angles[1], height_m=at.height_m)
+    place = place_of_n(origin, np.stack([rows[name] for name in BASELINE], axis=1))
+    others = {name: column for name, column in rows.items() if name not in BASELINE}
+    return others | vectors(PLACE, place)
 
 
 def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:

@@ -1,0 +1,178 @@
+"""What receivers state themselves: fixes, velocities, headings and baselines, by their time."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from fgnav.checks import FloatArray
+from fgnav.io.flight import columns as col
+from fgnav.io.gps_time import WEEK_S, gps_of_utc
+from fgnav.io.importers.recording import Samples, samples
+
+_MM, _CM, _MS = 1e-3, 1e-2, 1e-3
+_MOST = 1e9  # SBF writes -2e10 where it has no value
+ByTime: TypeAlias = dict[float, tuple[float, ...]]  # GPS seconds since 1980-01-06, to the ms
+
+
+@dataclass(slots=True)
+class Solution:
+    """What the messages of a stream have stated so far, each by its time."""
+
+    place: ByTime = field(default_factory=dict)  # latitude, longitude, deg; height, m
+    place_sigma: ByTime = field(default_factory=dict)  # north, east, down, m
+    velocity: ByTime = field(default_factory=dict)  # north, east, down, m/s
+    velocity_sigma: ByTime = field(default_factory=dict)
+    baseline: ByTime = field(default_factory=dict)  # north, east, down, m, and their sigmas
+    heading: ByTime = field(default_factory=dict)  # heading, pitch, and their sigmas, deg
+    counts: Counter[tuple[str, str]] = field(default_factory=Counter)
+    above_sea: bool = False  # whether heights lack the undulation
+    week_s: float | None = None  # start of the latest week that was stated
+
+    @property
+    def times(self) -> list[float]:
+        """Return the times of baselines, else of headings."""
+        return sorted(self.baseline or self.heading)
+
+    def time_of_week(self, seconds: float) -> float:
+        """Return the GPS time nearest to the latest date; seconds alone where there was none."""
+        return round((self.week_s or 0.0) + seconds, 3)
+
+
+def fixes(solution: Solution, start_s: float) -> Samples:
+    """Return the fixes of a solution; what not every fix has is counted and left out."""
+    t = sorted(solution.place)
+    blocks = [(col.PLACE, _rows(solution.place, t))]
+    groups: tuple[tuple[str, tuple[str, ...], ByTime], ...] = (
+        ("sigma of a fix", col.POSITION_SIGMA, solution.place_sigma),
+        ("velocity", col.VELOCITY, solution.velocity),
+        ("sigma of a velocity", col.VELOCITY_SIGMA, solution.velocity_sigma),
+    )
+    for what, names, by_time in groups:
+        alone = len(by_time.keys() - solution.place.keys())
+        solution.counts[what, "of no fix's time"] += alone
+        some = len(by_time) - alone
+        needed = names != col.VELOCITY_SIGMA or (len(blocks) > 1 and blocks[-1][0] == col.VELOCITY)
+        if some == len(t) and needed:
+            blocks.append((names, _rows(by_time, t)))
+        elif some:
+            solution.counts[what, "not every fix has one"] += some
+    return samples(np.array(t) - start_s, *blocks)
+
+
+def baseline(solution: Solution, start_s: float) -> Samples:
+    """Return baselines as vectors, else as headings, with pitch and sigmas where all have them."""
+    t = solution.times
+    if solution.baseline:
+        x = _rows(solution.baseline, t)
+        if solution.heading:
+            solution.counts["heading", "a baseline has it, too"] += len(solution.heading)
+        return samples(
+            np.array(t) - start_s, (col.BASELINE, x[:, :3]), (col.POSITION_SIGMA, x[:, 3:])
+        )
+    x = _rows(solution.heading, t)
+    is_there = np.isfinite(x).all(axis=0)
+    names = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
+    blocks = [(name, x[:, [k]]) for k, name in enumerate(names) if is_there[k] or k == 0]
+    return samples(np.array(t) - start_s, *blocks)
+
+
+def _rows(by_time: ByTime, times: list[float]) -> FloatArray:
+    return np.array([by_time[t] for t in times], np.float64)
+
+
+def _ubx_pvt(one: Any, to: Solution) -> None:  # noqa: ANN401
+    if not (one.validDate and one.validTime and one.gnssFixOk and one.fixType in (3, 4)):
+        to.counts["NAV-PVT message", "the receiver had no fix of three dimensions"] += 1
+        return
+    date = datetime(one.year, one.month, one.day, one.hour, one.min, tzinfo=UTC)
+    utc_s = date.timestamp() + one.second + 1e-9 * one.nano
+    gps_s = float(gps_of_utc(np.array([utc_s]))[0])
+    tow_s = one.iTOW * _MS
+    to.week_s = round((gps_s - tow_s) / WEEK_S) * float(WEEK_S)
+    t = to.time_of_week(tow_s)
+    to.place[t] = (one.lat, one.lon, one.height * _MM)
+    to.place_sigma[t] = (one.hAcc * _MM, one.hAcc * _MM, one.vAcc * _MM)
+    to.velocity[t] = (one.velN * _MM, one.velE * _MM, one.velD * _MM)
+    to.velocity_sigma[t] = (one.sAcc * _MM,) * 3
+
+
+def _ubx_relative(one: Any, to: Solution) -> None:  # noqa: ANN401
+    if not (one.gnssFixOK and one.relPosValid and one.carrSoln):
+        to.counts["NAV-RELPOSNED message", "no baseline of carrier phases"] += 1
+        return
+    if not one.isMoving or one.relPosNormalized:
+        reason = "from a base that does not move with the vehicle, or without a length"
+        to.counts["NAV-RELPOSNED message", reason] += 1
+        return
+    vector = (one.relPosN * _CM, one.relPosE * _CM, one.relPosD * _CM)
+    sigma = (one.accN * _MM, one.accE * _MM, one.accD * _MM)
+    to.baseline[to.time_of_week(one.iTOW * _MS)] = vector + sigma
+
+
+def _sbf(one: Any, to: Solution, kind: str) -> None:  # noqa: ANN401
+    values = {
+        "place": ("Latitude", "Longitude", "Height"),
+        "velocity": ("Vn", "Ve", "Vu"),
+        "place_sigma": ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt"),
+        "velocity_sigma": ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"),
+        "heading": ("Heading", "Pitch"),
+        "heading_sigma": ("Cov_HeadHead", "Cov_PitchPitch"),
+    }[kind]
+    x = tuple(float(getattr(one, name)) for name in values)
+    if one.Error or max(map(abs, x)) > _MOST:
+        to.counts[f"{one.identity} block", f"has no {kind.replace('_', ' of a ')}"] += 1
+        return
+    to.week_s = float(WEEK_S * one.WNc)
+    t = to.time_of_week(one.TOW * _MS)
+    if kind == "place":
+        to.place[t] = (*np.degrees(x[:2]).tolist(), x[2])
+    elif kind == "velocity":
+        to.velocity[t] = (x[0], x[1], -x[2])
+    elif kind == "heading":
+        to.heading[t] = (*x, *to.heading.get(t, (np.nan,) * 4)[2:])
+    elif kind == "heading_sigma":
+        to.heading[t] = (*to.heading.get(t, (np.nan,) * 4)[:2], *np.sqrt(x).tolist())
+    else:
+        getattr(to, kind)[t] = tuple(np.sqrt(x).tolist())
+
+
+def _novatel(one: Any, to: Solution) -> None:  # noqa: ANN401
+    status = getattr(one, "solution_status", getattr(one, "status", None))
+    if status is None or int(status):
+        to.counts[f"{one.name} log", "no solution was computed"] += 1
+        return
+    to.week_s = float(WEEK_S * one.header.week)
+    t = to.time_of_week(one.header.milliseconds * _MS)
+    if one.name == "BESTPOS":
+        to.place[t] = (one.latitude, one.longitude, one.orthometric_height + one.undulation)
+        to.place_sigma[t] = (one.latitude_std_dev, one.longitude_std_dev, one.height_std_dev)
+    elif one.name == "BESTVEL":
+        track = np.radians(one.ground_track)
+        speed = one.horizontal_speed
+        to.velocity[t] = (float(speed * np.cos(track)), float(speed * np.sin(track)), -one.z)
+    else:
+        to.heading[t] = (one.heading, one.pitch, one.heading_std_dev, one.pitch_std_dev)
+
+
+# By protocol and the message's number: what takes it.
+TAKEN: dict[tuple[str, int], tuple[Callable[[Any, Solution], None], ...]] = {
+    ("ubx", 0x0107): (_ubx_pvt,),
+    ("ubx", 0x013C): (_ubx_relative,),
+    ("sbf", 4007): (
+        lambda one, to: _sbf(one, to, "place"),
+        lambda one, to: _sbf(one, to, "velocity"),
+    ),
+    ("sbf", 5906): (lambda one, to: _sbf(one, to, "place_sigma"),),
+    ("sbf", 5908): (lambda one, to: _sbf(one, to, "velocity_sigma"),),
+    ("sbf", 5938): (lambda one, to: _sbf(one, to, "heading"),),
+    ("sbf", 5939): (lambda one, to: _sbf(one, to, "heading_sigma"),),
+    ("novatel", 42): (_novatel,),
+    ("novatel", 99): (_novatel,),
+    ("novatel", 971): (_novatel,),
+    ("novatel", 1335): (_novatel,),
+    ("novatel", 2042): (_novatel,),
+}
