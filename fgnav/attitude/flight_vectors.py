@@ -52,11 +52,12 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
             v_n_mps=code.v_n_mps,
             arm_b_m=flight.antennas[0].position_b_m,
         )
-    if flight.fixes is None:
+    fixes = flight.first_fixes
+    if fixes is None:
         raise NoSolutionError(
             f"attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
         )
-    return track_by_fixes(flight.fixes, flight.antenna(flight.fixes.antenna))
+    return track_by_fixes(fixes, flight.antenna(fixes.antenna))
 
 
 def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:

@@ -89,8 +89,7 @@ class Diagnosis:
 
 def contents(flight: Flight) -> Diagnosis:
     """Return contents of a flight, and findings that need no solution."""
-    names = ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth")
-    sensors = {"gnss": flight.observations, **{name: getattr(flight, name) for name in names}}
+    sensors = {"gnss": flight.observations, **flight.records}
     series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
     findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
@@ -159,7 +158,7 @@ def _array_findings(flight: Flight) -> list[Finding]:
 def _series_findings(series: dict[str, Series]) -> list[Finding]:
     """Return gaps of sensors, and sensors that do not overlap GNSS."""
     findings = []
-    main = series.get("gnss") or series.get("fixes")
+    main = next((s for name, s in series.items() if name.startswith(("gnss", "fixes"))), None)
     for name, s in series.items():
         if s.gaps and name != "seeker":  # which is blind most of the time
             text = f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s"

@@ -80,7 +80,7 @@ def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
 
 def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
     """Check GNSS, then everything else against it."""
-    observations, fixes, array = flight.observations, flight.fixes, None
+    observations, fixes, array = flight.observations, flight.first_fixes, None
     if observations is not None and len(observations.t_s):
         if not quick and out.add(_leap_finding(flight, observations)):
             return None
@@ -116,7 +116,7 @@ def _check_imu(
 ) -> None:
     """Check units by magnitude, then axes, then clock, lever arm and mounting."""
     forces = None if fixes is None else mean_forces(fixes, flight.origin)
-    if fixes is not None and fixes is flight.fixes:
+    if fixes is not None and fixes is flight.first_fixes:
         finding = velocity_finding(where_it_moves(fixes))
         if finding is not None and finding.certain:
             fixes = replace(fixes, v_n_mps=None, velocity_sigma_mps=None)

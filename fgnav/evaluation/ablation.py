@@ -58,8 +58,9 @@ def _none(name: str) -> Callable[[Flight], Flight | None]:
     """Return what takes a whole record away."""
 
     def less(flight: Flight) -> Flight | None:
-        gone: dict[str, Any] = {name: None}
-        return None if getattr(flight, name) is None else replace(flight, **gone)
+        record = getattr(flight, name)
+        gone: dict[str, Any] = {name: () if isinstance(record, tuple) else None}
+        return replace(flight, **gone) if record else None
 
     return less
 
@@ -106,6 +107,7 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "doppler": _unmeasured("doppler_hz"),
     "gnss": _none("observations"),
     "fixes": _none("fixes"),
+    "baselines": _none("baselines"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
     "seeker": _none("seeker"),

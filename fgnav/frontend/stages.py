@@ -1,6 +1,7 @@
 """The two stages before a smoothing problem: attitudes at keyframes, then the antenna's motion."""
 
 from dataclasses import replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -219,26 +220,25 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
-    tested = [
-        gated(inertial, (None if antenna.phases or k else position, series), name)
-        for k, (name, series) in enumerate(antenna.velocities)
-    ]
-    if not (antenna.velocities or antenna.phases):
-        tested = [gated(inertial, (position, None), "fixes")]
-    names = [name for name, _ in antenna.velocities]
-    velocities = zip(names, [one.velocity for one in tested], strict=False)
-    antenna = replace(
-        antenna,
-        position=position if antenna.phases else tested[0].position,
-        velocities=tuple((name, one) for name, one in velocities if one is not None),
+    positions = {} if antenna.phases else dict(antenna.positions)
+    velocities = dict(antenna.velocities)
+    tested = {
+        name: gated(inertial, (positions.get(name), velocities.get(name)), name)
+        for name in dict.fromkeys((*positions, *velocities))
+    }
+    placed, moved = (
+        tuple((name, one) for name, gate in tested.items() if (one := part(gate)) is not None)
+        for part in (attrgetter("position"), attrgetter("velocity"))
     )
+    positions_left = antenna.positions if antenna.phases else placed
+    antenna = replace(antenna, positions=positions_left, velocities=moved)
     return Tracked(
         t_s,
         antenna,
         places_n_m,
         gravity_n_mps2,
-        tuple(one for gate in tested for one in gate.rejections),
-        tuple(one for gate in tested for one in gate.losses),
+        tuple(one for gate in tested.values() for one in gate.rejections),
+        tuple(one for gate in tested.values() for one in gate.losses),
     )
 
 

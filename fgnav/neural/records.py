@@ -51,7 +51,7 @@ class Record:
 
 def of_flight(flight: Flight) -> dict[str, Record]:
     """Return what a flight has recorded of each sensor that a network may see."""
-    imu, fixes, found = flight.imu, flight.fixes, {}
+    imu, fixes, found = flight.imu, flight.first_fixes, {}
     if imu is not None:
         found["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
         if imu.w_b_radps is not None:

@@ -108,8 +108,8 @@ def _summary(made: "Simulated", name: str, seed: int) -> Summary:
         epochs, antennas, channels = flight.observations.code_m.shape
         summary |= {"epochs": epochs, "antennas": antennas, "channels": channels}
         summary["mean_tracked"] = float(flight.observations.tracked[:, 0].sum(axis=1).mean())
-    samples = {"imu": flight.imu, "fixes": flight.fixes, "seeker": flight.seeker}
-    summary |= {f"{k}_samples": len(v.t_s) for k, v in samples.items() if v is not None}
+    records = {name: one for name, one in flight.records.items() if name != "truth"}
+    summary |= {f"{name.replace(' ', '_')}_samples": len(v.t_s) for name, v in records.items()}
     for loss in flight.losses:
         summary[loss.what] = f"{loss.count} times: {loss.reason}" if loss.count > 1 else loss.reason
     if made.draws:

@@ -13,7 +13,7 @@ from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
-from fgnav_sim.gnss.fixes import fix
+from fgnav_sim.gnss.fixes import baseline, fix
 from fgnav_sim.gnss.receiver import observe
 from fgnav_sim.gnss.tables import antenna_names
 from fgnav_sim.propagation.message_errors import with_message_errors
@@ -71,7 +71,7 @@ def simulate_many(
     """
     together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
     for first in range(0, len(rngs), together):
-        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
+        streams = [rng.spawn(9) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
@@ -101,7 +101,9 @@ def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs
+    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs[
+        :8
+    ]
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
@@ -140,7 +142,8 @@ def _sensed(
         gnss_noise=_noise(gnss) if gnss else GnssNoise(),
         base=base,
         imu=sensed,
-        fixes=fix(fixes, real, "a1", rng=fixes_rng) if fixes else None,
+        fixes=tuple(fix(fixes, real, fixes_rng)) if fixes else (),
+        baselines=(baseline(scenario.baseline, real, rngs[8]),) if scenario.baseline else (),
         seeker=watched,
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
@@ -161,8 +164,11 @@ def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
-    """Return the antennas that say something: all with receivers, else that of the fixes."""
-    count = len(scenario.antennas_b_m) if scenario.gnss else int(scenario.fixes is not None)
+    """Return the antennas up to the last that a receiver speaks of: all with observations."""
+    used = [*scenario.fixes.antennas] if scenario.fixes else []
+    used += [*scenario.baseline.antennas] if scenario.baseline else []
+    names = antenna_names(len(scenario.antennas_b_m))
+    count = len(names) if scenario.gnss else max((names.index(n) + 1 for n in used), default=0)
     return tuple(
         Antenna(name=name, position_b_m=np.array(lever_b_m))
         for name, lever_b_m in zip(antenna_names(count), scenario.antennas_b_m[:count], strict=True)

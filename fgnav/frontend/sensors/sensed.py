@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, Loss
+from fgnav.frontend.sensors.baselines import BaselineRows, baselines
 from fgnav.frontend.sensors.directional import gravity, sight
 from fgnav.frontend.sensors.resting_rates import RestingRates
 from fgnav.frontend.sensors.standstill import Standing
@@ -20,6 +21,7 @@ class Sensed:
 
     Attributes
     ----------
+    baselines : tuple of BaselineRows
     sight : Directions or None
         From the accelerometer to the landmark.
     gravity : Directions or None
@@ -31,6 +33,7 @@ class Sensed:
     losses : tuple of Loss
     """
 
+    baselines: tuple[BaselineRows, ...] = ()
     sight: Directions | None = None
     gravity: Directions | None = None
     heights: Heights | None = None
@@ -72,15 +75,17 @@ def sense(
     causal : bool
         Whether each keyframe may have samples up to it alone.
     """
+    between, baseline_losses = baselines(flight, t_s)
     seen, sight_losses = sight(flight.seeker, imu, t_s, p_n_m, causal=causal)
     down, gravity_losses = gravity(direction, t_s, causal=causal)
     high, height_losses = heights(flight, imu, t_s, p_n_m, causal=causal)
     field, field_losses = magnetic_field(flight.magnetometer, t_s, causal=causal)
     return Sensed(
+        baselines=between,
         sight=seen,
         gravity=down,
         heights=high,
         field=field,
         wheels=wheels(flight.vehicle, imu, t_s),
-        losses=(*sight_losses, *gravity_losses, *height_losses, *field_losses),
+        losses=(*baseline_losses, *sight_losses, *gravity_losses, *height_losses, *field_losses),
     )

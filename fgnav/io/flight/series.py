@@ -10,6 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight import usual_noise
+from fgnav.io.flight.baselines import GROUPS
 from fgnav.io.flight.columns import (
     CURRENTS,
     EULER,
@@ -25,6 +26,7 @@ from fgnav.io.flight.columns import (
 )
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.flight.mounting import mounting
+from fgnav.io.flight.sigmas import stated_sigma
 from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
 from fgnav.io.strict_toml import Table
 from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
@@ -34,6 +36,7 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "imu": (("t_s", *FORCE), (RATE,)),
     "fixes": (("t_s", *PLACE), (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)),
+    "baseline": (("t_s",), GROUPS),
     "barometer": (("t_s", *HEIGHT), ()),
     "magnetometer": (("t_s", *FIELD), ()),
     "seeker": (("t_s", *CURRENTS), ()),
@@ -42,7 +45,6 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
         (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
     ),
 }
-LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 
 
 def values_of(table: Table, record: type[Any]) -> dict[str, Any]:
@@ -118,24 +120,8 @@ def _sigma(
     names: tuple[str, ...],
     default: tuple[float, ...],
 ) -> FloatArray:
-    stated = _stated_sigma(where, samples, names)
+    stated = stated_sigma(where, samples, names)
     return np.tile(np.array(default), (len(samples["t_s"]), 1)) if stated is None else stated
-
-
-def _stated_sigma(
-    where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
-) -> FloatArray | None:
-    if names[0] not in samples:
-        return None
-    sigma = columns_to_vectors(samples, names)
-    wrong = sigma < LEAST_SIGMA
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0]
-        raise BadInputError(
-            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
-            f"got {sigma[row, column]:.9g}"
-        )
-    return sigma
 
 
 def barometer(samples: Mapping[str, FloatArray], table: BarometerKeys) -> Barometer:
@@ -165,7 +151,7 @@ def truth(
     where: Path | str,
 ) -> Truth:
     """Return the truth, or a reference taken as such; ``where`` as of ``fixes``."""
-    euler_sigma_deg = _stated_sigma(where, samples, EULER_SIGMA)
+    euler_sigma_deg = stated_sigma(where, samples, EULER_SIGMA)
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     return Truth(
         t_s=samples["t_s"],
@@ -174,7 +160,7 @@ def truth(
         R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
         integers=integers,
         source=source,
-        position_sigma_m=_stated_sigma(where, samples, POSITION_SIGMA),
-        velocity_sigma_mps=_stated_sigma(where, samples, VELOCITY_SIGMA),
+        position_sigma_m=stated_sigma(where, samples, POSITION_SIGMA),
+        velocity_sigma_mps=stated_sigma(where, samples, VELOCITY_SIGMA),
         euler_sigma_rad=None if euler_sigma_deg is None else np.radians(euler_sigma_deg),
     )

@@ -191,9 +191,8 @@ def _parts(
         unit = msgspec.structs.replace(settings.imu, **usual)
         parts["imu"] = series.imu(tables["imu"], unit)
     if "fixes" in tables:
-        parts["fixes"] = series.fixes(
-            tables["fixes"], origin, antennas[0].name, where="the imported fixes"
-        )
+        name, where = antennas[0].name, "the imported fixes"
+        parts["fixes"] = (series.fixes(tables["fixes"], origin, name, where=where),)
     if "barometer" in tables and settings.barometer is not None:
         parts["barometer"] = series.barometer(tables["barometer"], settings.barometer)
     if "magnetometer" in tables and settings.magnetometer is not None:

@@ -49,7 +49,7 @@ def comments(assembled: Assembled) -> dict[str, str]:
                 *(f"{name} = {IMU[name]}" for name in flight.imu.unstated),
             ]
         )
-    if flight.fixes is None:
+    if not flight.fixes:
         by_key.pop("fixes")
         if not assembled.observations:
             by_key["fixes"] = _MISSING["fixes"]

@@ -13,7 +13,7 @@ from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
 from fgnav.evaluation.report.table import heads, remarks, score_row
 from fgnav.evaluation.scores import EULER, Angles
-from fgnav.types.flight import SENSORS, Flight
+from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
@@ -165,11 +165,9 @@ def set_up(flight: Flight) -> Blocks:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
         rows.append(["observations", _series(of.t_s), ", ".join(channels)])
-    for name in (*SENSORS, "truth"):
-        record = getattr(flight, name)
-        if record is not None:
-            rows.append([name, _series(record.t_s), ""])
-            rows += _fields_of(name, record)
+    for name, record in flight.records.items():
+        rows.append([name, _series(record.t_s), ""])
+        rows += _fields_of(name, record)
     if flight.base is not None:
         rows.append(["base", f"{flight.base.position_e_m.tolist()} m, ECEF", ""])
     return table(["what", "as read", "remark"], rows)

@@ -164,7 +164,7 @@ def gravity_flights(flights: list[Flight], method: Batch, *, aided: bool) -> lis
 
 
 def _gravity_flight(flight: Flight, linearised: TrainingFlight, *, aided: bool) -> GravityFlight:
-    fixes, imu = flight.fixes, flight.imu
+    fixes, imu = flight.first_fixes, flight.imu
     if fixes is None or fixes.v_n_mps is None or imu is None:
         raise BadInputError(f"flight {flight.name}: training gravity needs velocities and an [imu]")
     velocity, acceleration = differenced(fixes.t_s, fixes.v_n_mps)
