@@ -1,7 +1,7 @@
 """Receivers' own files: their solutions, and raw measurements as RINEX by RTKLIB; RINEX and SP3.
 
-Raw measurements are taken where a file has broadcast messages, too, or no solution: a solution is
-of the same signals. ``solution`` of the settings decides otherwise.
+Raw measurements are taken where a file has broadcast messages, too, and no baseline, or no
+solution: a solution is of the same signals. ``solution`` of the settings decides otherwise.
 """
 
 from collections import Counter
@@ -60,13 +60,13 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             solution.counts[f"{name} message", reason if is_raw else "not read"] += count
     tables = {}
     start_s = min(map(min, filter(None, (solution.place, solution.times))), default=0.0)
-    if solution.place and observations:
+    if observations:
         reason = "of the same signals as raw measurements; solution = true in --settings takes it"
         solution.counts["fix", reason] += len(solution.place)
-    elif solution.place:
-        tables["fixes"] = fixes(solution, start_s)
-    if solution.times:
-        tables["baseline"] = baseline(solution, start_s)
+        solution.counts["baseline", reason] += len(solution.times)
+    else:
+        tables |= {"fixes": fixes(solution, start_s)} if solution.place else {}
+        tables |= {"baseline": baseline(solution, start_s)} if solution.times else {}
     if not (tables or observations):
         raise BadInputError(
             f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
@@ -79,6 +79,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         tables=tables,
         clock="week" if tables and solution.week_s is None else "gps",
         gps_start_s=start_s,
+        baseline_ends_at_fixes=bool(solution.baseline),  # of u-blox alone
         observations=observations[:1],
         navigation=observations[1:],
         losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in solution.counts.items()),
@@ -112,7 +113,10 @@ def _decoded(
 def _add_sentences(path: Path, texts: list[Any], settings: Settings, solution: Solution) -> None:
     """Add what sentences state and binary messages do not."""
     stated = Solution()
-    sentences.take(path, texts, settings, stated)
+    near_s = min(solution.place, default=None)
+    if settings.start is not None:
+        near_s = gps_seconds(path, settings.start)
+    sentences.take(path, texts, near_s, stated)
     solution.counts += stated.counts
     solution.week_s = solution.week_s or stated.week_s
     solution.above_sea = stated.above_sea and not solution.place
@@ -148,8 +152,8 @@ def _observations(
     files = [
         one for one in (place, place.with_suffix(".nav")) if one.is_file() and one.stat().st_size
     ]
-    alone = len(files) == 1 and solution.place and settings.solution is None
-    return ("", ()) if place not in files or alone else (protocol, tuple(files))
+    is_poorer = solution.place and (len(files) == 1 or solution.times) and settings.solution is None
+    return ("", ()) if place not in files or is_poorer else (protocol, tuple(files))
 
 
 def read_rinex_file(path: Path, _settings: Settings, _scratch: Path) -> Recording:

@@ -17,10 +17,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.gps_time import UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.formats.solution import Solution
-from fgnav.io.importers.settings import Settings
 
 READ = ("GGA", "RMC", "ZDA", "GST", "HDT", "THS", "PASHR")
 _DAY_S = 86_400.0
@@ -28,13 +26,15 @@ _FIRST_DAY = date(1970, 1, 1).toordinal()
 _NO_FIX = {0: "the receiver had no fix", 6: "dead reckoning", 7: "manual", 8: "simulated"}
 
 
-def take(path: Path, sentences: Sequence[Any], settings: Settings, into: Solution) -> None:
-    """Add what sentences state; ``start`` of the settings dates those without RMC and ZDA.
+def take(path: Path, sentences: Sequence[Any], near_s: float | None, into: Solution) -> None:
+    """Add what sentences state.
 
     Parameters
     ----------
     sentences : sequence
         Of pynmeagps, in the order of the file.
+    near_s : float or None
+        GPS time within half a day of the first: it dates sentences without RMC and ZDA.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def take(path: Path, sentences: Sequence[Any], settings: Settings, into: Solutio
         at_s[k] = _time_of_day(one, at_s[k - 1] if k else np.nan)
         day = _date(one)
         days.append(None if day is None else day.toordinal() - _FIRST_DAY)
-    gps_s = gps_of_utc(_unix_s(path, at_s, days, settings))
+    gps_s = gps_of_utc(_unix_s(path, at_s, days, near_s))
     into.week_s = 0.0  # every time has its date
     for one, t in zip(sentences, np.round(gps_s, 3).tolist(), strict=True):
         if not np.isfinite(t):
@@ -119,7 +119,7 @@ def _date(one: Any) -> date | None:  # noqa: ANN401
 
 
 def _unix_s(
-    path: Path, at_s: FloatArray, days: Sequence[int | None], settings: Settings
+    path: Path, at_s: FloatArray, days: Sequence[int | None], near_s: float | None
 ) -> FloatArray:
     """Return POSIX times of times of day."""
     timed = np.isfinite(at_s)
@@ -129,12 +129,11 @@ def _unix_s(
     dated = [k for k, day in enumerate(days) if day is not None and timed[k]]
     first = [np.float64(days[k] or 0) - midnights[k] for k in dated]
     if not dated:
-        if settings.start is None or not timed.any():
+        if near_s is None or not timed.any():
             raise BadInputError(
                 f"{path}: no RMC or ZDA sentence has a date; state start in --settings, within "
                 "half a day"
             )
-        near_s = gps_seconds(path, settings.start) + UNIX_OF_GPS_S - filled[0]
-        dated, first = [0], [np.round(near_s / _DAY_S)]
+        dated, first = [0], [np.round((near_s + UNIX_OF_GPS_S - filled[0]) / _DAY_S)]
     latest = np.searchsorted(dated, np.arange(len(at_s)), side="right") - 1
     return (np.array(first)[np.maximum(latest, 0)] + midnights) * _DAY_S + at_s

@@ -11,6 +11,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S, gps_of_utc
+from fgnav.io.importers.formats.streams import Log
 from fgnav.io.importers.recording import Samples, samples
 
 _MM, _CM, _MS = 1e-3, 1e-2, 1e-3
@@ -140,22 +141,20 @@ def _sbf(one: Any, to: Solution, kind: str) -> None:  # noqa: ANN401
         getattr(to, kind)[t] = tuple(np.sqrt(x).tolist())
 
 
-def _novatel(one: Any, to: Solution) -> None:  # noqa: ANN401
-    status = getattr(one, "solution_status", getattr(one, "status", None))
-    if status is None or int(status):
-        to.counts[f"{one.name} log", "no solution was computed"] += 1
+def _novatel(one: Log, to: Solution) -> None:
+    if not one.is_computed:
+        to.counts[f"NovAtel {one.number} log", "no solution was computed"] += 1
         return
-    to.week_s = float(WEEK_S * one.header.week)
-    t = to.time_of_week(one.header.milliseconds * _MS)
-    if one.name == "BESTPOS":
-        to.place[t] = (one.latitude, one.longitude, one.orthometric_height + one.undulation)
-        to.place_sigma[t] = (one.latitude_std_dev, one.longitude_std_dev, one.height_std_dev)
-    elif one.name == "BESTVEL":
-        track = np.radians(one.ground_track)
-        speed = one.horizontal_speed
-        to.velocity[t] = (float(speed * np.cos(track)), float(speed * np.sin(track)), -one.z)
+    to.week_s = 0.0  # every time has its date
+    t, x = round(one.gps_s, 3), one.fields
+    if one.number == 42:
+        to.place[t] = (x[0], x[1], x[2] + x[3])
+        to.place_sigma[t] = x[5:8]
+    elif one.number == 99:
+        track = np.radians(x[3])
+        to.velocity[t] = (float(x[2] * np.cos(track)), float(x[2] * np.sin(track)), -x[4])
     else:
-        to.heading[t] = (one.heading, one.pitch, one.heading_std_dev, one.pitch_std_dev)
+        to.heading[t] = (x[1], x[2], x[4], x[5])
 
 
 # By protocol and the message's number: what takes it.

@@ -1,16 +1,24 @@
 """Messages of receivers' streams, of any protocol between any others, framed by their checksums.
 
-UBX, SBF, NovAtel's binary and ASCII logs, RTCM 3 and NMEA 0183; libraries decode them.
+UBX, SBF, RTCM 3 and NMEA 0183, which libraries decode, and NovAtel's logs, binary and ASCII [1]_.
+
+References
+----------
+.. [1] NovAtel, OEM7 Commands and Logs Reference Manual, "Message Formats", BESTPOS, BESTVEL,
+   HEADING2.
 """
 
 import re
+import struct
 from binascii import crc32, crc_hqx
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.readers import reader
+from fgnav.io.tables import is_number
 
 _SENTENCE = re.compile(rb"\$([A-Z]{2}[A-Z0-9]*),([\x20-\x7e]*)\*([0-9A-Fa-f]{2})(?:\r?\n|$)")
 _ASCII_LOG = re.compile(rb"[#%]([A-Z0-9]+A),[^\r\n*]*\*([0-9a-f]{8})(?:\r?\n|$)")
@@ -18,6 +26,21 @@ _SYNC = re.compile(rb"\xb5\x62|\$@|\$[A-Z]|\xaa\x44[\x12\x13]|[#%][A-Z]|\xd3[\x0
 _LONGEST_LINE = 1000  # bytes
 _LOGS = {b"BESTPOSA": 42, b"BESTVELA": 99, b"HEADINGA": 971, b"HEADING2A": 1335}
 _LOGS[b"DUALANTENNAHEADINGA"] = 2042
+_HEADING = struct.Struct("<II6f")  # length, heading, pitch, and behind a spare one their sigmas
+_LAYOUTS = {  # status and type of the solution, then the fields that count
+    42: struct.Struct("<II3dfI3f"),  # place, undulation, datum, sigmas
+    99: struct.Struct("<II2f3d"),  # latency, age, speed, track, upwards
+    **dict.fromkeys((971, 1335, 2042), _HEADING),
+}
+
+
+class Log(NamedTuple):
+    """A log of NovAtel's: the OEM7 reference [1]_ has its fields."""
+
+    number: int
+    gps_s: float  # GPS time
+    is_computed: bool
+    fields: tuple[float, ...]  # after its status and type
 
 
 class Message(NamedTuple):
@@ -51,9 +74,7 @@ class Message(NamedTuple):
             return reader("pysbf2", "sbf").SBFReader.parse(self.raw)
         if self.protocol == "nmea":
             return reader("pynmeagps", "nmea").NMEAReader.parse(self.raw)
-        parser = reader("novatel_edie.oem", "novatel").Parser()
-        parser.write(self.raw)
-        return next(iter(parser))
+        return _log(self)
 
 
 def messages(content: bytes) -> Iterator[Message]:
@@ -94,6 +115,21 @@ def _message(content: bytes, at: int, sync: bytes) -> Message | None:
         return message if _crc32(raw[:-4]) == int.from_bytes(raw[-4:], "little") else None
     crc24 = reader("pyrtcm", "rtcm3").calc_crc24q
     return None if crc24(raw) else Message("rtcm3", int.from_bytes(raw[3:5], "big") >> 4, raw)
+
+
+def _log(message: Message) -> Log:
+    """Return the first fields of a log, in binary or ASCII."""
+    layout = _LAYOUTS[message.number]
+    if message.raw[:1] == b"\xaa":
+        week, ms = struct.unpack_from("<HI", message.raw, 14)
+        status, _, *values = layout.unpack_from(message.raw, message.raw[3])
+        return Log(message.number, WEEK_S * week + 1e-3 * ms, status == 0, tuple(values))
+    head, _, body = message.raw.decode("ascii", "replace").partition(";")
+    words, texts = head.split(","), body.partition("*")[0].split(",")
+    count = len(layout.unpack(bytes(layout.size))) - 2
+    values = [float(text) if is_number(text) else np.nan for text in texts[2 : 2 + count]]
+    gps_s = WEEK_S * int(words[5]) + float(words[6])
+    return Log(message.number, gps_s, texts[0] == "SOL_COMPUTED", tuple(values))
 
 
 def _line(content: bytes) -> Message | None:

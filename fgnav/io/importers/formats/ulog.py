@@ -81,6 +81,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
+        baseline_ends_at_fixes=True,  # as u-blox's
         losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
         truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
