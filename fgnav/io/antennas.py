@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
-from fgnav.io.signal_choice import same_signal
+from fgnav.io.rinex.signals import same_signal
 from fgnav.types.observations import Observations
 
 _GRID_S = 1e-3  # nominal intervals are whole milliseconds

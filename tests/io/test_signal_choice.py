@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from fgnav.io.rinex.header import Header
-from fgnav.io.signal_choice import choose_signals, same_signal
+from fgnav.io.rinex.signals import choose_signals, same_signal
 
 
 def header(version=3.04, **types) -> Header:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, WEEK_S, to_ticks
 from fgnav.io.rinex.epochs_text import epochs_text
-from fgnav.io.rinex.messages import (
+from fgnav.io.rinex.navigation import (
     ACCURACY,
     BDT_WEEK,
     DATA_SOURCE,

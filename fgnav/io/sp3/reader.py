@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
 from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
