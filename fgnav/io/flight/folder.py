@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
-from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.antennas import merge, named_alike
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
@@ -256,12 +256,10 @@ def _rinex(
     if base and not files:
         raise BadInputError("key gnss.base: needs antennas with observations, there are none")
     messages = [folder / name for name in table.gnss.navigation]
-    broadcast, receivers = read_rinex(messages, paths, start_gps_s)
+    broadcast, receivers = read_rinex(messages, paths, start_gps_s, table.gnss.signals)
     if not files:
         return broadcast, None, None
     observations = merge(receivers[: len(files)], names)
-    if table.gnss.signals:
-        observations = chosen(observations, table.gnss.signals)
     if base is None:
         return broadcast, observations, None
     position_e_m = np.array(base.position_e_m)

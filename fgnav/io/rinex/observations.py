@@ -63,7 +63,7 @@ def to_observations(
     epochs = into.epochs[:rows]
     measured = epochs[:, 1] <= 1
     kept = measured.copy()
-    kept[measured] = _in_order(epochs[measured, 0])
+    kept[measured] = in_order(epochs[measured, 0])
     losses = _faults(header, into.faults, int(measured.sum() - kept.sum()))
     if not kept.any():
         reason = losses[0].reason if losses else "has none after its header"
@@ -158,7 +158,7 @@ def _scanned(
     return into, scan(body, lines, 4 if header.version >= 3 else 2, plan, into), lines
 
 
-def _in_order(ticks: IntArray) -> BoolArray:
+def in_order(ticks: IntArray | FloatArray) -> BoolArray:
     """Return which epochs are later than all before, or earlier than all after, whichever is more.
 
     One date that is wrong must not cost the epochs on one side of it.
