@@ -1,18 +1,27 @@
 """The command ``fgnav import``."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
+if TYPE_CHECKING:
+    from fgnav.checks import Loss
+
 FORMATS = (
     "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
     "rtcm3, rinex, sp3, or an installed one; else told by each file's content."
 )
+
+
+def unused_lines(losses: "Sequence[Loss]") -> list[str]:
+    """Return a line for everything that files hold and the flight has not."""
+    return [f"not used: {one.count} × {one.what}: {one.reason}" for one in losses]
 
 
 def import_(
@@ -38,7 +47,6 @@ def import_(
     from tempfile import TemporaryDirectory  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import assemble, write  # noqa: PLC0415
@@ -75,6 +83,6 @@ def import_(
         },
     )
     if json != "-":
-        lines = loss_lines({"recording": flight.losses})
+        lines = unused_lines(flight.losses)
         notes = [f"{key}: {text}" for key, text in (assembled.notes | assembled.missing).items()]
         show_lines([f"{flight.name}: written to {out}", *lines, *notes])

@@ -1,11 +1,12 @@
 """The command ``fgnav new``."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from fgnav.cli.import_ import FORMATS
+from fgnav.cli.import_ import FORMATS, unused_lines
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
@@ -34,7 +35,6 @@ def new(
     from tempfile import TemporaryDirectory  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import SETTINGS_NAME, assemble, write  # noqa: PLC0415
@@ -73,11 +73,14 @@ def new(
             )
     edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
     names = {str(one): name for one, (name, _) in files.items()}
-    write_json(json, {"folder": str(out), "formats": names, "edit": list(edits)})
+    losses = assembled.flight.losses
+    counted = [asdict(loss) for loss in losses]
+    content = {"folder": str(out), "formats": names, "losses": counted, "edit": list(edits)}
+    write_json(json, content)
     if json != "-":
         lines = [f"{one}: {name}" for one, name in names.items()]
         lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
         lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
-        lines += loss_lines({"recording": assembled.flight.losses})
+        lines += unused_lines(losses)
         lines += [f"edit {key}" for key in edits]
         show_lines([*lines, f"written to {out}; edit flight.toml there, then: fgnav check {out}"])

@@ -1,5 +1,6 @@
 """``fgnav new``: from a stranger's files to a flight, in two edits."""
 
+import gzip
 import json
 import re
 import tomllib
@@ -62,6 +63,34 @@ def test_two_edits_that_check_names_make_the_car_a_flight(shared, tmp_path, caps
     )
     # What is left is the recording's own: its README states the age, and methods estimate it.
     assert set(findings(tmp_path, capsys)) == {"velocity delay"}
+
+
+def test_edits_that_check_names_make_a_quadrotor_a_flight(shared, tmp_path, capsys):
+    folder = shared / "flights" / "quadrotor" / "path_10"
+    new(tmp_path, folder / "IMU_1.csv", folder / "GT.csv")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not used: 5605 × IMU_1.csv columns Euler_X, Euler_Y, Euler_Z: no [[csv]]" in said
+    before = findings(tmp_path, capsys)
+    assert "should read x, -y, -z" in before["imu mounting"]
+    # Its README has -0.42 s, by correlation of roll rates.
+    offset = re.search(r"add (-0\.4\d\d) s to \[imu\] clock_offset_s", before["imu clock"])
+    edited(
+        tmp_path,
+        ('axes = ["x", "y", "z"]', 'axes = ["x", "-y", "-z"]'),
+        ("clock_offset_s = 0.0", f"clock_offset_s = {offset[1]}"),
+    )
+    assert findings(tmp_path, capsys) == {}
+    flight = load_flight(tmp_path / "flight")
+    track = np.genfromtxt(folder / "GT.csv", delimiter=",", skip_header=1)[:, 7:]
+    np.testing.assert_allclose(flight.fixes[0].p_n_m, track - track[0], atol=1e-6)
+
+
+def test_packed_files_and_a_stated_format(tmp_path, capsys):
+    rows = "".join(f"{0.01 * k:.2f} 0.1 0.2 -9.8\n" for k in range(5)).encode()
+    (tmp_path / "log.txt.gz").write_bytes(gzip.compress(b"t ax ay az\n" + rows))
+    new(tmp_path, tmp_path / "log.txt.gz", "--format", "csv")
+    assert "log.txt: columns guessed" in " ".join(capsys.readouterr().out.split())
+    assert len(load_flight(tmp_path / "flight").imu.t_s) == 5
 
 
 def test_what_was_guessed_imports_the_same_again(shared, tmp_path):

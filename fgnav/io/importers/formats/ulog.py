@@ -76,6 +76,10 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
             lost += [("baseline", "is not valid, of a float solution or of a still base", count)]
         if all(name in topics for name in _FILTER):
             tables["truth"] = _reference(topics)
+        else:
+            reason = f"a reference needs {', '.join(_FILTER)}"
+            alone = {name: topics[name] for name in _FILTER if name in topics}
+            lost += [(f"{n} message", reason, len(x["timestamp"])) for n, x in alone.items()]
     return Recording(
         source=path,
         tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
