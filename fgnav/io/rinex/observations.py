@@ -98,11 +98,16 @@ def to_observations(
 
 
 def _body(header: Header, text: Bytes) -> tuple[Bytes, bool]:
-    """Return the text behind the header to the end of its last line, and whether that has one."""
+    """Return the text behind the header without what ends a file, and whether its last line ends.
+
+    Blank lines stay: they may be a satellite's.
+    """
     size = len(text)
     while size > header.size and text[size - 1] in _ENDS:
         size -= 1
-    return text[header.size : size], bool((text[size:] == ord("\n")).any())
+    rest = text[size:]
+    line_ends = rest[rest == ord("\n")]
+    return np.append(text[header.size : size], line_ends), bool(len(line_ends))
 
 
 def _plan(header: Header, choice: SignalChoice) -> tuple[tuple[str, ...], "Plan", IntArray]:
@@ -138,12 +143,14 @@ def _scanned(
     """Return what a body holds, how many epochs and events, and the offsets of its lines."""
     from fgnav.io.rinex.kernels import Scanned, line_ends, scan  # noqa: PLC0415  # lazy: numba
 
-    ends = np.append(np.flatnonzero(body == ord("\n")), len(body))
-    lines = np.stack([np.append(0, ends[:-1] + 1), ends], axis=1)
+    ends = np.flatnonzero(body == ord("\n"))
+    if len(body) and body[-1] != ord("\n"):
+        ends = np.append(ends, len(body))
+    lines = np.stack([np.append(0, ends + 1)[:-1], ends], axis=1)
     line_ends(body, lines)
     most = epochs = len(lines) + 2
     if header.version >= 3:
-        epochs = int((body[lines[:-1, 0]] == ord(">")).sum()) + 3
+        epochs = int((body[lines[:, 0]] == ord(">")).sum()) + 3
     into = Scanned(
         tally=np.zeros(plan.fields.shape[:2], np.int64),
         satellites=np.zeros((128, 100), np.int64),

@@ -241,6 +241,14 @@ def test_what_follows_the_last_line_changes_nothing(text, end):
     assert got.losses == ()
 
 
+def test_a_blank_line_may_be_the_last_of_a_satellite():
+    last = TWO.splitlines(keepends=True)[-1]
+    got = read(TWO[: -len(last)] + "\n")
+    assert got.losses == ()
+    assert len(got.t_s) == 3
+    assert np.isnan(got.cn0_dbhz[2, 0, got.satellites.index("G14")])
+
+
 @pytest.mark.parametrize("text", [GOOD, TWO])
 def test_a_missing_line_end_is_noted(text):
     got = read(text.rstrip())
