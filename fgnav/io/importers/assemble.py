@@ -196,13 +196,13 @@ def _receivers(
 ) -> dict[str, Any]:
     """Return fixes and baselines."""
     fixes, baselines = [], []
-    for one, (own, other) in zip(recordings, _places(recordings), strict=True):
+    for one, (first, second) in zip(recordings, _places(recordings), strict=True):
         if "fixes" in one.tables:
             fixes.append(
-                series.fixes(one.tables["fixes"], origin, antennas[own].name, where=one.source)
+                series.fixes(one.tables["fixes"], origin, antennas[first].name, where=one.source)
             )
         if "baseline" in one.tables:
-            ends = antennas[own].name, antennas[other].name
+            ends = antennas[first].name, antennas[second].name
             ends = ends[::-1] if one.baseline_ends_at_fixes else ends
             rows = one.tables["baseline"]
             R_nl = local_axes(origin, fixes, rows["t_s"])

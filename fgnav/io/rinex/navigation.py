@@ -92,17 +92,17 @@ def to_broadcast(
         If none is left.
     """
     counts = Counter[tuple[str, str]]()
-    found, models = list[_Message](), list[FloatArray]()
+    messages, models = list[_Message](), list[FloatArray]()
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
         broken = Counter[tuple[str, str]]()
-        found += _messages(header, body, counts, broken)
+        messages += _messages(header, body, counts, broken)
         counts += broken
         models += [one for one in [_klobuchar(header, body)] if one.any()]
     what = "broadcast message"
     records = np.zeros(0, EPHEMERIS_DTYPE)
-    if found:
-        records, fits = _records(found, start_gps_s)
+    if messages:
+        records, fits = _records(messages, start_gps_s)
         possible = _possible(records) & fits
         counts[what, "impossible orbit or time"] += int((~possible).sum())
         records, repeated = _each_once(records[possible])
@@ -142,12 +142,12 @@ def _messages(
         elif int(name[1:]) > limit:
             counts[f"{name} message", "of a number that is not used"] += 1
         else:
-            found = _decoded(name, lines[1:] if version == 4 else lines, min(version, 3))
-            if isinstance(found, _Message):
-                yield found
+            decoded = _decoded(name, lines[1:] if version == 4 else lines, min(version, 3))
+            if isinstance(decoded, _Message):
+                yield decoded
                 continue
-            first = next((why for _, why in broken if why.startswith(found)), "")
-            broken[what, first or f"{found}, line {header.lines + number} first"] += 1
+            first = next((why for _, why in broken if why.startswith(decoded)), "")
+            broken[what, first or f"{decoded}, line {header.lines + number} first"] += 1
 
 
 def _split(body: str, begin: re.Pattern[str]) -> Iterator[tuple[int, list[str]]]:
@@ -201,14 +201,14 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
 
 
 def _records(
-    found: Sequence[_Message], start_gps_s: float
+    messages: Sequence[_Message], start_gps_s: float
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]:
     """Return messages in our own names and units, and whether their weeks are those of their dates.
 
     The time of ephemeris is the one nearest to the time of clock: week numbers may have begun anew.
     """
-    x = np.array([one.numbers for one in found])
-    names = np.array([one.satellite for one in found], "U3")
+    x = np.array([one.numbers for one in messages])
+    names = np.array([one.satellite for one in messages], "U3")
     records = np.zeros(len(names), EPHEMERIS_DTYPE)
     records["satellite"] = names
     for field, column in PLAIN.items():
@@ -216,7 +216,7 @@ def _records(
     galileo, beidou = (np.char.startswith(names, letter) for letter in "EC")
     records["semi_major_axis_m"] = x[:, ROOT_A] ** 2
     # since 1980, as are those below
-    toc_s = np.array([one.clock_time_s for one in found]) + BDT_BEHIND_GPS_S * beidou
+    toc_s = np.array([one.clock_time_s for one in messages]) + BDT_BEHIND_GPS_S * beidou
     toe_s = _nearest_s(x[:, PLAIN["toe_sow_s"]] + BDT_BEHIND_GPS_S * beidou, toc_s)
     ttr_s = _nearest_s(x[:, TRANSMISSION] + BDT_BEHIND_GPS_S * beidou, toe_s)
     # An unknown time of transmission is written 0.9999E+09 or left blank.
@@ -261,10 +261,10 @@ def _each_once(records: NDArray[Any]) -> tuple[NDArray[Any], int]:
 
 def _klobuchar(header: Header, body: str) -> FloatArray:
     """Return the GPS ionosphere: of the head, or of the last RINEX 4 record of it."""
-    found = list(re.finditer(r"^> ION G\d\d LNAV[^\n]*\n(.*\n.*\n.*)", body, re.MULTILINE))
-    if header.version < 4 or not found:
+    matches = list(re.finditer(r"^> ION G\d\d LNAV[^\n]*\n(.*\n.*\n.*)", body, re.MULTILINE))
+    if header.version < 4 or not matches:
         return np.array(header.klobuchar)
-    lines = found[-1][1].splitlines()
+    lines = matches[-1][1].splitlines()
     words = [one[4 + _WIDTH * k : 4 + _WIDTH * (k + 1)] for one in lines for k in range(4)]
     try:
         return np.array([float(word.upper().replace("D", "E")) for word in words[1:9]])

@@ -75,15 +75,14 @@ def to_observations(
     losses += _events(header, body, lines, epochs[~measured])
     losses += _missing_end(header, epochs[kept, 0])
     count = into.taken[0]
-    is_kept = kept[into.records[:count, 0]]
-    records, signals, values, locks = (
-        one[:count][is_kept] for one in (into.records, into.signals, into.values, into.locks)
-    )
+    used = np.flatnonzero(kept[into.records[:count, 0]])
+    records, signals = into.records[used], into.signals[used]
     losses += _unused_types(header, choice, into.tally, int((into.values[:count, :, 0] != 0).sum()))
     ticks = epochs[kept, 0] + _time_shift(header, epochs[kept, 0])
     tag_s = (ticks - to_ticks(start_gps_s)) / TICKS_PER_S
     signals = np.where(signals > 0, signals, defaults[records[:, 1]])
     epoch = (np.cumsum(kept) - 1)[records[:, 0]]
+    values, locks = into.values[used], into.locks[used]
     channels, arrays, alone = _dense(epoch, len(ticks), records, signals, values, locks, names)
     arrays["lock_flags"][epochs[kept, 1] == 1] |= LOST_LOCK
     return Observations(

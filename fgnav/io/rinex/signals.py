@@ -117,16 +117,16 @@ def choose_signals(
     for k, header in enumerate(headers):
         kept: Kept = {}
         for letter, bands in _BANDS.items():
-            own = offers[letter][k]
+            offer = offers[letter][k]
             if wanted:
                 families = [same_signal(letter, name) for name in wanted.get(letter, ())]
-                groups = [[s for s in own if same_signal(letter, s) == one] for one in families]
+                groups = [[s for s in offer if same_signal(letter, s) == one] for one in families]
             else:
-                groups = [_of_band(letter, band, own, header.version) for band in bands]
+                groups = [_of_band(letter, band, offer, header.version) for band in bands]
             if header.version < 3:
                 kept[letter] = tuple(tuple(some) for some in groups)
                 continue
-            best = [_best(letter, some, own, offers[letter]) for some in groups]
+            best = [_best(letter, some, offer, offers[letter]) for some in groups]
             kept[letter] = tuple((signal,) if signal else () for signal in best)
         choices.append(SignalChoice(kept=kept, version=header.version))
     return choices
@@ -145,9 +145,9 @@ def _offer(constellation: str, header: Header) -> dict[str, int]:
     return dict.fromkeys([*coded, *(s for band, s in phases.items() if band not in bands)], 1)
 
 
-def _of_band(constellation: str, band: str, own: Mapping[str, int], version: float) -> list[str]:
+def _of_band(constellation: str, band: str, offer: Mapping[str, int], version: float) -> list[str]:
     attributes = ATTRIBUTES[constellation + band]
-    return [s for s in own if s[0] == band and (version < 3 or s[1] in attributes)]
+    return [s for s in offer if s[0] == band and (version < 3 or s[1] in attributes)]
 
 
 def _check_wanted(
@@ -167,7 +167,7 @@ def _check_wanted(
 def _best(
     constellation: str,
     candidates: Sequence[str],
-    own: Mapping[str, int],
+    offer: Mapping[str, int],
     offers: Sequence[Mapping[str, int]],
 ) -> str | None:
     """Return a signal of several: code and phase first, then shared by most, then by rank."""
@@ -175,8 +175,8 @@ def _best(
     def worth(signal: str) -> tuple[int, int, int, int]:
         family = same_signal(constellation, signal)
         akin = sum(any(same_signal(constellation, s) == family for s in o) for o in offers)
-        shared = sum(offer.get(signal, 0) for offer in offers)
+        shared = sum(one.get(signal, 0) for one in offers)
         rank = ATTRIBUTES.get(constellation + signal[0], "").find(signal[1])
-        return own[signal], akin, shared, -rank
+        return offer[signal], akin, shared, -rank
 
     return max(candidates, key=worth, default=None)

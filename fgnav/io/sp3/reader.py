@@ -162,8 +162,8 @@ def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
         got = wrong[0] if wrong else f"{count} with repetitions"
         raise BadInputError(f"{path}: header must list each satellite once, got {quoted(got)}")
     if scale not in (*_BEHIND_GPS_S, *_UTC):
-        known = ", ".join((*_BEHIND_GPS_S, *_UTC))
-        raise BadInputError(f"{path}: time system must be one of {known}, got {quoted(scale)}")
+        scales = ", ".join((*_BEHIND_GPS_S, *_UTC))
+        raise BadInputError(f"{path}: time system must be one of {scales}, got {quoted(scale)}")
     return satellites, announced, scale
 
 

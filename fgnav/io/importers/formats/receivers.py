@@ -16,7 +16,7 @@ from fgnav.io.importers.formats import sentences
 from fgnav.io.importers.formats.readers import foreign
 from fgnav.io.importers.formats.solution import TAKEN, Solution, baseline, fixes
 from fgnav.io.importers.formats.streams import messages
-from fgnav.io.importers.recording import Recording
+from fgnav.io.importers.recording import Recording, Samples
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
@@ -58,7 +58,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             is_raw = number in _OBSERVED.get(of, ())
             reason = "the receiver's solution is taken; solution = false in --settings takes it"
             solution.counts[f"{name} message", reason if is_raw else "not read"] += count
-    tables = {}
+    tables = dict[str, Samples]()
     start_s = min(map(min, filter(None, (solution.place, solution.times))), default=0.0)
     if observations:
         reason = "of the same signals as raw measurements; solution = true in --settings takes it"
@@ -121,11 +121,11 @@ def _add_sentences(path: Path, texts: list[Any], settings: Settings, solution: S
     solution.week_s = solution.week_s or stated.week_s
     solution.above_sea = stated.above_sea and not solution.place
     for name in ("place", "place_sigma", "heading"):
-        own, other = getattr(solution, name), getattr(stated, name)
-        if own:
+        binary, text = getattr(solution, name), getattr(stated, name)
+        if binary:
             reason = "of a sentence: a message of another protocol has it"
-            solution.counts[name.replace("_", " "), reason] += len(other)
-        setattr(solution, name, own or other)
+            solution.counts[name.replace("_", " "), reason] += len(text)
+        setattr(solution, name, binary or text)
 
 
 def _observations(

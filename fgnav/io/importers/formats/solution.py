@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S, gps_of_utc
 from fgnav.io.importers.formats.streams import Log
@@ -16,6 +16,7 @@ from fgnav.io.importers.recording import Samples, samples
 
 _MM, _CM, _MS = 1e-3, 1e-2, 1e-3
 _MOST = 1e9  # SBF writes -2e10 where it has no value
+Block: TypeAlias = tuple[tuple[str, ...], FloatArray]
 ByTime: TypeAlias = dict[float, tuple[float, ...]]  # GPS seconds since 1980-01-06, to the ms
 
 
@@ -46,7 +47,7 @@ class Solution:
 def fixes(solution: Solution, start_s: float) -> Samples:
     """Return the fixes of a solution; what not every fix has is counted and left out."""
     t = sorted(solution.place)
-    blocks = [(col.PLACE, _rows(solution.place, t))]
+    blocks: list[Block] = [(col.PLACE, _rows(solution.place, t))]
     groups: tuple[tuple[str, tuple[str, ...], ByTime], ...] = (
         ("sigma of a fix", col.POSITION_SIGMA, solution.place_sigma),
         ("velocity", col.VELOCITY, solution.velocity),
@@ -75,9 +76,9 @@ def baseline(solution: Solution, start_s: float) -> Samples:
             np.array(t) - start_s, (col.BASELINE, x[:, :3]), (col.POSITION_SIGMA, x[:, 3:])
         )
     x = _rows(solution.heading, t)
-    is_there = np.isfinite(x).all(axis=0)
+    is_stated: BoolArray = np.asarray(np.isfinite(x).all(axis=0))
     names = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
-    blocks = [(name, x[:, [k]]) for k, name in enumerate(names) if is_there[k] or k == 0]
+    blocks = [(name, x[:, [k]]) for k, name in enumerate(names) if is_stated[k] or k == 0]
     return samples(np.array(t) - start_s, *blocks)
 
 
