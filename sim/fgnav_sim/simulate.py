@@ -164,14 +164,14 @@ def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
-    """Return the antennas up to the last that a receiver speaks of: all with observations."""
-    used = [*scenario.fixes.antennas] if scenario.fixes else []
-    used += [*scenario.baseline.antennas] if scenario.baseline else []
+    """Return the antennas that a receiver speaks of: all with observations."""
     names = antenna_names(len(scenario.antennas_b_m))
-    count = len(names) if scenario.gnss else max((names.index(n) + 1 for n in used), default=0)
+    used = {*scenario.fixes.antennas} if scenario.fixes else set()
+    used |= {*scenario.baseline.antennas} if scenario.baseline else set()
     return tuple(
         Antenna(name=name, position_b_m=np.array(lever_b_m))
-        for name, lever_b_m in zip(antenna_names(count), scenario.antennas_b_m[:count], strict=True)
+        for name, lever_b_m in zip(names, scenario.antennas_b_m, strict=True)
+        if scenario.gnss or name in used
     )
 
 

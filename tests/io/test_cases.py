@@ -48,7 +48,7 @@ def test_encodings_and_decimal_commas_are_spelling(case, tmp_path, name):
 @pytest.mark.parametrize("name", ["fixes_bom", "fixes_eu"])
 def test_fixes_of_a_spreadsheet_are_places(case, tmp_path, name):
     flight = new(case(11) / f"{name}.csv", tmp_path).flight
-    assert len(flight.fixes.t_s) == 150
+    assert len(flight.fixes[0].t_s) == 150
     assert flight.imu is None
     assert np.degrees(flight.origin.latitude_rad) == pytest.approx(40.33, abs=1e-12)
 
@@ -102,7 +102,7 @@ def test_integer_degrees_are_ten_millionths_and_millimetres(case, tmp_path):
     flight = new(case(14) / "time_1e7.csv", tmp_path).flight
     place = [*np.degrees([flight.origin.latitude_rad, flight.origin.longitude_rad])]
     np.testing.assert_allclose([*place, flight.origin.height_m], [40.33, -3.88, 700], rtol=1e-12)
-    np.testing.assert_allclose(flight.fixes.t_s[:2], [0, 0.2], atol=1e-9)
+    np.testing.assert_allclose(flight.fixes[0].t_s[:2], [0, 0.2], atol=1e-9)
 
 
 def test_places_without_names_are_refused(case, tmp_path):
@@ -144,9 +144,9 @@ def test_rates_with_dps_in_their_names_are_degrees(case, tmp_path):
 def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name, start_s, fixes):
     whole = new(case("09") / f"{name}.pos", tmp_path)
     assert whole.flight.start_gps_s == start_s
-    assert len(whole.flight.fixes.t_s) == fixes
+    assert len(whole.flight.fixes[0].t_s) == fixes
     np.testing.assert_allclose(
-        whole.flight.fixes.position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
+        whole.flight.fixes[0].position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
     )
     repeated = {"fixes row: its time does not increase (repeated.pos)": 1}
     text = f"{name}.pos columns Q, ns, sdne(m), sdeu(m), sdun(m), age(s), ratio"
@@ -157,7 +157,7 @@ def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name,
 @pytest.mark.parametrize("name", ["drive.nmea", "drive.ubx"])
 def test_sentences_across_midnight_are_seconds_apart(case, tmp_path, name):
     whole = new(case(10) / name, tmp_path)
-    fixes = whole.flight.fixes
+    fixes = whole.flight.fixes[0]
     assert len(fixes.t_s) == 60
     np.testing.assert_allclose(fixes.t_s, 0.2 * np.arange(60), atol=1e-6)
     # 2024-01-01 is day 1 of GPS week 2295; the first fix is at 23:59:55 UTC.

@@ -74,10 +74,10 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     np.testing.assert_allclose(flight.imu.w_b_radps[50], [0.1, 0.2, 0.3], rtol=1e-6)
     np.testing.assert_allclose(flight.imu.f_b_mps2[50], [1, 2, -9.75], rtol=1e-6)
     p_e_m = ecef(np.radians([47.0]), np.radians([8.0]), np.array([497.5]))[0]
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m)[0], p_e_m, atol=1e-3)
-    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [0, 5, 0.5], atol=1e-6)
-    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [1.5, 1.5, 2.5])
-    np.testing.assert_allclose(flight.fixes.velocity_sigma_mps[0], [0.25] * 3)
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m)[0], p_e_m, atol=1e-3)
+    np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [0, 5, 0.5], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
+    np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"has no height (Status)": 1, "of another instance": 100}
 
@@ -108,7 +108,7 @@ def test_without_undulation_heights_are_above_the_sea_and_that_is_said(tmp_path)
     (tmp_path / "log.BIN").write_bytes(log(accuracy=False))
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
     assert flight.origin.height_m == pytest.approx(450)
-    assert flight.fixes.unstated == ("position", "velocity")
+    assert flight.fixes[0].unstated == ("position", "velocity")
     assert "above the sea" in whole.notes["fixes"]
 
 
@@ -125,7 +125,7 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
 def test_without_a_fix_the_unit_keeps_its_own_clock(tmp_path):
     (tmp_path / "log.BIN").write_bytes(log(status=1))
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
-    assert (len(flight.imu.t_s), flight.fixes) == (100, None)
+    assert (len(flight.imu.t_s), flight.fixes) == (100, ())
     assert "imu.clock_offset_s" in whole.missing
 
 

@@ -63,8 +63,8 @@ def test_the_car_of_two_files_is_one_flight(shared, tmp_path):
     still = flight.imu.t_s < 30
     down = flight.imu.f_b_mps2[still].mean(axis=0)
     assert down[2] == pytest.approx(-9.80665, abs=0.2)
-    assert flight.antennas[0].name == flight.fixes.antenna == "roof"
-    assert (flight.imu.t_s[0], flight.fixes.t_s[0]) == (0, 0)
+    assert flight.antennas[0].name == flight.fixes[0].antenna == "roof"
+    assert (flight.imu.t_s[0], flight.fixes[0].t_s[0]) == (0, 0)
 
 
 def test_a_dated_unit_stays_where_it_was(tmp_path):
@@ -73,7 +73,7 @@ def test_a_dated_unit_stays_where_it_was(tmp_path):
     )
     assert whole.flight.start_gps_s == 1003
     np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(5.0) - 2.75)
-    np.testing.assert_allclose(whole.flight.fixes.t_s, np.arange(5.0))
+    np.testing.assert_allclose(whole.flight.fixes[0].t_s, np.arange(5.0))
     assert "imu.clock_offset_s" not in whole.missing
 
 
@@ -88,7 +88,7 @@ def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
     both = unit(tmp_path, clock="own").tables | fixes(tmp_path).tables
     one = Recording(source=tmp_path / "a", tables=both, clock="own")
     whole = assemble([one], Settings(start="2025-07-08T00:00:00"))
-    assert (whole.flight.imu.t_s[0], whole.flight.fixes.t_s[0]) == (-3, 0)
+    assert (whole.flight.imu.t_s[0], whole.flight.fixes[0].t_s[0]) == (-3, 0)
     assert "imu.clock_offset_s" not in whole.missing
 
 
@@ -114,7 +114,7 @@ def test_fixes_without_a_spread_are_left_out(tmp_path):
     table = dict(fixes(tmp_path).tables["fixes"])
     table |= {f"sigma_{axis}_m": np.array([1.0, 1.0, 0.0, 1.0, 1.0]) for axis in "ned"}
     whole = assemble([Recording(source=tmp_path / "b", tables={"fixes": table})], Settings())
-    assert len(whole.flight.fixes.t_s) == 4
+    assert len(whole.flight.fixes[0].t_s) == 4
     assert [loss.count for loss in whole.flight.losses] == [1]
 
 
