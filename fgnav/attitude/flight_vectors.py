@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
-from fgnav.attitude.receiver_baselines import known_baselines, with_pitch
+from fgnav.attitude.receiver_baselines import heading_baselines, with_pitch
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.gnss.intervals import usual_interval_so_far_s
@@ -106,7 +106,7 @@ def measured_vectors(
         v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
         sources.append("line of sight")
     force = (v_n[0], v_b[0]) if "specific force" in sources else None
-    for one in known_baselines(flight):
+    for one in heading_baselines(flight):
         e_n = at_epochs(one.of.t_s, _unit(one.of.vector_n_m), track.t_s)
         e_b = np.tile(_unit(one.vector_b_m), (len(e_n), 1))
         if one.of.measured == "heading" and force is not None:

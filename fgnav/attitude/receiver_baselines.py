@@ -14,7 +14,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.types.flight import Baseline, Flight
 
 KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
-_SHORTEST_M = 0.01  # between antennas: nothing tells a direction of less
+SHORTEST_M = 0.01  # between antennas: nothing tells a direction of less
 _SAME_S = 1e-4  # fixes this close are of one time
 _UP_N = np.array([0.0, 0.0, -1.0])
 
@@ -22,9 +22,13 @@ _UP_N = np.array([0.0, 0.0, -1.0])
 class BodyBaseline(NamedTuple):
     """A receiver's baseline, and the same in body axes: of length one unless all is measured."""
 
-    name: str
     of: Baseline
     vector_b_m: FloatArray
+
+    @property
+    def name(self) -> str:
+        """Of the record."""
+        return f"baseline {' '.join(self.of.antennas)}"
 
 
 def body_baseline(flight: Flight, of: Baseline) -> BodyBaseline:
@@ -35,52 +39,60 @@ def body_baseline(flight: Flight, of: Baseline) -> BodyBaseline:
     BadInputError
         If both antennas are at the same place.
     """
-    first, second = (flight.antenna(name).position_b_m for name in of.antennas)
-    length_m = float(np.linalg.norm(second - first))
-    if length_m < _SHORTEST_M:
+    vector_b_m = stated_vector_b_m(flight, of)
+    length_m = float(np.linalg.norm(vector_b_m))
+    if length_m < SHORTEST_M:
         raise BadInputError(
             f"baseline {' to '.join(of.antennas)}: both antennas have position_b_m "
-            f"{first.tolist()}; state where each of them is"
+            f"{flight.antenna(of.antennas[0]).position_b_m.tolist()}; state where each of them is"
         )
-    vector_b_m = (second - first) / (1.0 if of.measured == "vector" else length_m)
-    return BodyBaseline(f"baseline {' '.join(of.antennas)}", of, vector_b_m)
+    return BodyBaseline(of, vector_b_m / (1.0 if of.measured == "vector" else length_m))
 
 
-def known_baselines(flight: Flight) -> tuple[BodyBaseline, ...]:
+def stated_vector_b_m(flight: Flight, of: Baseline) -> FloatArray:
+    """Return the vector between the places of both antennas, (3,)."""
+    first, second = (flight.antenna(name).position_b_m for name in of.antennas)
+    return np.asarray(second - first)
+
+
+def heading_baselines(flight: Flight) -> tuple[BodyBaseline, ...]:
     """Return baselines that determine a heading: of receivers, else by differences of fixes."""
-    known = _known(body_baseline(flight, one) for one in flight.baselines)
-    if known or flight.observations is not None:
-        return known
-    return _known(_differences(flight))
+    given = _precise(body_baseline(flight, one) for one in flight.baselines)
+    if given or flight.observations is not None:
+        return given
+    apart = (
+        body_baseline(flight, one)
+        for one in fix_baselines(flight)
+        if np.linalg.norm(stated_vector_b_m(flight, one)) > SHORTEST_M
+    )
+    return _precise(apart)
 
 
-def _known(baselines: Iterable[BodyBaseline]) -> tuple[BodyBaseline, ...]:
+def _precise(baselines: Iterable[BodyBaseline]) -> tuple[BodyBaseline, ...]:
     """Return baselines with the samples alone whose direction is known."""
-    known = []
+    left = []
     for one in baselines:
         sigma = np.sqrt(np.einsum("kii->k", one.of.covariance_m2) / 3)
         precise = sigma < KNOWN_RAD * np.linalg.norm(one.vector_b_m)
         if precise.any():
-            known.append(one._replace(of=one.of[precise]))
-    return tuple(known)
+            left.append(one._replace(of=one.of[precise]))
+    return tuple(left)
 
 
-def _differences(flight: Flight) -> Iterator[BodyBaseline]:
+def fix_baselines(flight: Flight) -> Iterator[Baseline]:
     """Yield baselines between antennas that have fixes at the same times."""
     for one, other in combinations(flight.fixes, 2):
         row = np.searchsorted(other.t_s, one.t_s - _SAME_S).clip(max=len(other.t_s) - 1)
-        same = np.abs(other.t_s[row] - one.t_s) < _SAME_S
-        vector = (other.p_n_m[row] - one.p_n_m)[same]
-        variance = (other.position_sigma_m[row] ** 2 + one.position_sigma_m**2)[same]
-        if not len(vector) or not vector.any(axis=1).all():
-            continue
-        antennas = one.antenna, other.antenna
-        P = variance[:, None] * np.eye(3)
-        of = Baseline(t_s=one.t_s[same], antennas=antennas, vector_n_m=vector, covariance_m2=P)
-        try:
-            yield body_baseline(flight, of)
-        except BadInputError:  # at one place they tell no direction
-            continue
+        vector = other.p_n_m[row] - one.p_n_m
+        variance = other.position_sigma_m[row] ** 2 + one.position_sigma_m**2
+        same = (np.abs(other.t_s[row] - one.t_s) < _SAME_S) & vector.any(axis=1)
+        if same.any():
+            yield Baseline(
+                t_s=one.t_s[same],
+                antennas=(one.antenna, other.antenna),
+                vector_n_m=vector[same],
+                covariance_m2=variance[same, None] * np.eye(3),
+            )
 
 
 def with_pitch(

@@ -54,7 +54,7 @@ def test_seconds_of_a_drive_are_named_and_corrected_to_a_tenth(drive, offset_s):
 
 
 def test_a_straight_drive_at_constant_speed_says_that_it_cannot_tell(drive):
-    t_s, fixes = drive.fixes[0].t_s, drive.fixes
+    t_s, fixes = drive.fixes[0].t_s, drive.fixes[0]
     noise = np.random.default_rng(1).normal(0, 0.05, (len(t_s), 3))
     straight = replace(
         fixes, p_n_m=np.outer(t_s, [10.0, 0, 0]), v_n_mps=noise + np.array([10.0, 0.0, 0.0])

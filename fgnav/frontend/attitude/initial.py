@@ -5,7 +5,7 @@ from typing import TypeGuard
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
-from fgnav.attitude.receiver_baselines import KNOWN_RAD, BodyBaseline, known_baselines
+from fgnav.attitude.receiver_baselines import KNOWN_RAD, BodyBaseline, heading_baselines
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.in_motion import levelled
 from fgnav.frontend.matching import SAME_S
@@ -30,7 +30,7 @@ def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> Floa
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
     sensor = flight.magnetometer
-    baselines = [one for one in known_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
+    baselines = [one for one in heading_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
     if baselines:
         R_nb = _turned_to_baseline(baselines[0], own, R_nb @ R_ub.T, at_s) @ R_ub
     elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
@@ -46,7 +46,7 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
     if states_heading(flight.initial):
         return -np.inf
     sensor = flight.magnetometer
-    begins_s = [float(one.of.t_s[0]) for one in known_baselines(flight)]
+    begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
     begins_s += [float(sensor.t_s[0])] if _field_determines_heading(sensor) else []
     from_s = min(begins_s, default=np.inf)
     return -np.inf if from_s <= first_s + SAME_S else from_s
@@ -71,11 +71,11 @@ def _turned_to_field(
 
 
 def _turned_to_baseline(
-    between: BodyBaseline, own: OwnRotation, R_lu: FloatArray, at_s: float
+    between: BodyBaseline, rotation: OwnRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of a baseline by then."""
     rows = _last_second(between.of.t_s, at_s)
-    north, east, _ = (R_lu @ own.at(between.of.t_s[rows]) @ between.vector_b_m).T
+    north, east, _ = (R_lu @ rotation.at(between.of.t_s[rows]) @ between.vector_b_m).T
     turn = np.exp(1j * (between.of.heading_rad[rows] - np.arctan2(east, north)))
     return _turned(R_lu, float(np.angle(turn.sum())))
 
