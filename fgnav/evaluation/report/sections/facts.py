@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
-from fgnav.evaluation.report.table import heads, remarks, score_row
+from fgnav.evaluation.report.table import WHAT, remarks, score_table
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.types.flight import Flight
 
@@ -26,16 +26,9 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 def method_table(comparison: Comparison) -> Blocks:
     """Return the table of the methods, and below it the bound or the differences."""
-    columns = [
-        "method",
-        *(
-            f"{name} {unit}" if "(" in unit else f"{name}, {unit}"
-            for name, unit in heads(comparison)
-        ),
-    ]
-    rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
-    judge = comparison.judged_by
-    what = "no truth to judge by" if judge is None else f"RMS errors against {judge}"
+    heads, scores = score_table(comparison)
+    columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
+    rows = [[one.name, *row] for one, row in zip(comparison.methods, scores, strict=True)]
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
         for what, own in (
@@ -44,7 +37,7 @@ def method_table(comparison: Comparison) -> Blocks:
         )
     ]
     return (
-        table(columns, rows, f"{what}, {comparison.epochs} epochs")
+        table(columns, rows, f"{WHAT[comparison.judged_by]}, {comparison.epochs} epochs")
         + [
             block
             for what, own in bounds
