@@ -44,18 +44,25 @@ WHAT = {
 
 
 def score_table(comparison: Comparison) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Return names and units of figures that a method has, and a row of each method.
+    """Return names and units of columns, and rows of the methods, then of their differences.
 
-    RMS errors or, without truth, medians of what is stated of them. NEES against a reference is
-    called so.
+    RMS errors or, without truth, medians of what is stated of them; columns without a figure are
+    left out. NEES against a reference is called so.
     """
-    is_judged, nees = comparison.judged_by is not None, "NEES"
-    if comparison.judged_by == "reference":
-        nees = "NEES ref"
-    rows = [_score_row(one.score, is_judged=is_judged) for one in comparison.methods]
-    heads = [(nees if name == "NEES" else name, unit) for name, unit in _HEADS]
-    shown = [k for k in range(len(heads)) if any(row[k] != NONE for row in rows)]
-    return [heads[k] for k in shown], [[row[k] for k in shown] for row in rows]
+    is_judged = comparison.judged_by is not None
+    rows = [[m.name, *_score_row(m.score, is_judged=is_judged)] for m in comparison.methods]
+    for one in comparison.differences:
+        figures = _angles(one.rms_deg) | {
+            "angle": _figure(one.attitude_rms_deg),
+            "position": _figure(one.position_rms_m),
+            "velocity": _figure(one.velocity_rms_mps),
+        }
+        cells = [figures.get(name, "") for name, _ in _HEADS]
+        rows.append([" − ".join(one.methods), *cells])
+    shown = [k for k in range(len(_HEADS)) if {row[k + 1] for row in rows} - {NONE, ""}]
+    nees = "NEES ref" if comparison.judged_by == "reference" else "NEES"
+    heads = [(nees if name == "NEES" else name, unit) for name, unit in (_HEADS[k] for k in shown)]
+    return heads, [[row[0], *(row[k + 1] for k in shown)] for row in rows]
 
 
 def comparison_table(comparison: Comparison, width: int) -> list[str]:
@@ -64,26 +71,17 @@ def comparison_table(comparison: Comparison, width: int) -> list[str]:
     Columns that are too many for ``width`` go below each other, under the methods' names again;
     nothing is cut short.
     """
-    heads, scores = score_table(comparison)
-    names = [method.name for method in comparison.methods]
-    rows = [[name, *figures] for name, figures in zip(names, scores, strict=True)]
-    for difference in comparison.differences:
-        first, second = difference.methods
-        of = _angles(difference.rms_deg) | {
-            "position": _figure(difference.position_rms_m),
-            "velocity": _figure(difference.velocity_rms_mps),
-        }
-        rows += [[f"RMS of {first}"], [f"− {second}", *_under(heads, of)]]
+    heads, rows = score_table(comparison)
+    split: list[list[str]] = []
+    for name, *figures in rows:
+        *above, last = name.split(" − ")
+        split += [[f"RMS of {one}"] for one in above] + [[f"− {last}" if above else last, *figures]]
     bound = {name: value for name, value in _angles(comparison.bound).items() if value != NONE}
-    rows += [["bound of one epoch", *_under(heads, bound)]] if bound else []
+    bounds = [bound.get(name, "") for name, _ in heads]
+    split += [["bound of one epoch", *bounds]] if bound else []
     title = f"{comparison.flight}: {WHAT[comparison.judged_by]}, {comparison.epochs} epochs"
     columns = [["method", *(name for name, _ in heads)], ["", *(unit for _, unit in heads)]]
-    return [title, *folded_table(columns, rows, width)]
-
-
-def _under(heads: list[tuple[str, str]], figures: dict[str, str]) -> list[str]:
-    """Return figures by name as cells under heads; empty ones of others."""
-    return [figures.get(name, "") for name, _ in heads]
+    return [title, *folded_table(columns, split, width)]
 
 
 def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:

@@ -25,10 +25,9 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 
 def method_table(comparison: Comparison) -> Blocks:
-    """Return the table of the methods, and below it the bound or the differences."""
-    heads, scores = score_table(comparison)
+    """Return the table of the methods and their differences, and below it the bounds."""
+    heads, rows = score_table(comparison)
     columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
-    rows = [[one.name, *row] for one, row in zip(comparison.methods, scores, strict=True)]
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
         for what, own in (
@@ -45,7 +44,6 @@ def method_table(comparison: Comparison) -> Blocks:
             for block in paragraph(f"{what}: {', '.join(own)}.")
         ]
         + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
-        + _differences(comparison)
         + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
     )
 
@@ -57,29 +55,6 @@ def _angles(bound: Angles) -> list[str]:
         for angle in EULER
         if (value := getattr(bound, angle)) is not None
     ]
-
-
-def _differences(comparison: Comparison) -> Blocks:
-    rows = [
-        [
-            " − ".join(one.methods),
-            *(number(getattr(one.rms_deg, angle)) for angle in ("roll", "pitch", "yaw")),
-            number(one.attitude_rms_deg),
-            number(one.position_rms_m),
-            number(one.velocity_rms_mps),
-        ]
-        for one in comparison.differences
-    ]
-    heads = [
-        "methods",
-        "roll, deg",
-        "pitch, deg",
-        "yaw, deg",
-        "angle, deg",
-        "position, m",
-        "velocity, m/s",
-    ]
-    return table(heads, rows, "RMS differences of methods on epochs that both have")
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
