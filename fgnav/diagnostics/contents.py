@@ -147,7 +147,8 @@ def _array_findings(flight: Flight) -> list[Finding]:
         findings.append(Finding("duplicate antennas", text, "check position_b_m"))
     _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
     spread_m = np.append(sizes, np.zeros(3))[:2]
-    if spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M:
+    is_line = spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M
+    if is_line and flight.observations is not None:
         from fgnav.attitude.array import axis_name  # noqa: PLC0415  # lazy: brings numba
 
         text = f"all on one line, so phase leaves unobservable: {axis_name(axes[:1])}"

@@ -9,6 +9,7 @@ from fgnav.checks import NoSolutionError
 from fgnav.diagnostics.antennas import antenna_finding
 from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
 from fgnav.diagnostics.axes import axes_finding
+from fgnav.diagnostics.baselines import baseline_findings
 from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import (
     Diagnosis,
@@ -74,6 +75,7 @@ def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
     out.add(*samples)
     if not any(finding.certain for finding in samples):
         out.add(*instrument_findings(flight))
+        out.add(*baseline_findings(flight))
         _check_motion(flight, out, quick=quick)
     return replace(found, findings=(*found.findings, *out.found), unchecked=tuple(out.unchecked))
 
@@ -155,7 +157,7 @@ def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
     found = [clock for clock in clocks if clock is not None]
     if not found:
         return out.skip("imu axes, clock, lever arm", "too few epochs of GNSS within its record")
-    main = min(found, key=lambda one: one.bound_s)
+    main = min(found, key=lambda one: (one.bound_s, np.trace(one.arm_covariance_m2)))
     # With a clock that fits them axes may be right that seem wrong beside it.
     offsets_s = [start_s, *([main.offset_s] if main.bound_s < COARSE_S else [])]
     axes = [axes_finding(motion, offset_s) for offset_s in offsets_s]

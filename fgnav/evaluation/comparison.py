@@ -7,6 +7,7 @@ from time import perf_counter
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.evaluation.baselines import baseline_figures
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
@@ -309,7 +310,7 @@ def _judge(
         arcs = (*reported_arcs(differences, estimate.integers, names), *arcs)
     return Method(
         name=name,
-        score=score(estimate, errors, counts, seconds),
+        score=score(estimate, errors, counts, seconds, baseline_figures(flight, estimate)),
         estimate=estimate,
         errors=errors,
         arcs=arcs,

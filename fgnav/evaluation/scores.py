@@ -4,7 +4,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.evaluation.baselines import BaselineFigures
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
@@ -59,6 +61,15 @@ class Errors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MedianSigmas:
+    """Medians over epochs of 1-sigma as stated: of angles, and the root of the sum of squares."""
+
+    euler_deg: Angles = Angles()
+    position_m: float | None = None
+    velocity_mps: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
     """The figures of one method; None where the flight or the method has nothing to judge.
 
@@ -73,6 +84,9 @@ class Score:
         nearly the same all along one.
     line_nees_mean : float or None
         Near 2 when that of the direction of antennas in a line is; None unless an angle is open.
+    sigmas : MedianSigmas
+    baselines : tuple of BaselineFigures
+        Azimuth and elevation of receivers' baselines, and of antennas in a line.
     available : float
         Share of the epochs with an answer.
     seconds : float
@@ -94,6 +108,8 @@ class Score:
     position_nees_mean: float | None = None
     velocity_nees_mean: float | None = None
     line_nees_mean: float | None = None
+    sigmas: MedianSigmas = MedianSigmas()
+    baselines: tuple[BaselineFigures, ...] = ()
     available: float = 0.0
     integers: IntegerCounts | None = None
     seconds: float
@@ -151,10 +167,16 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
 
 
 def score(
-    estimate: Estimate, errors: Errors | None, integers: IntegerCounts | None, seconds: float
+    estimate: Estimate,
+    errors: Errors | None,
+    integers: IntegerCounts | None,
+    seconds: float,
+    baselines: tuple[BaselineFigures, ...] = (),
 ) -> Score:
     """Return a method's figures; without errors (no truth) only those that need none."""
     figures = Score(
+        sigmas=median_sigmas(estimate),
+        baselines=baselines,
         available=estimate.available,
         integers=integers,
         seconds=seconds,
@@ -191,6 +213,42 @@ def hidden(estimate: Estimate) -> set[str]:
     names = set(estimate.unobservable)
     mixed = any(name == "attitude" or name.startswith("rotation") for name in names)
     return names | set(EULER) if mixed else names
+
+
+def median_sigmas(estimate: Estimate) -> MedianSigmas:
+    """Return medians of what an estimate states of its errors, of what it observes."""
+    lost, euler_deg = hidden(estimate), estimate.sigma_deg
+    stated: dict[str, float] = {}
+    if euler_deg is not None and len(euler_deg):
+        medians = dict(zip(EULER, np.median(euler_deg, axis=0).tolist(), strict=True))
+        stated = {name: value for name, value in medians.items() if name not in lost}
+    return MedianSigmas(
+        euler_deg=Angles(**stated),
+        position_m=None if "position" in lost else _size(estimate.position_covariance_m2),
+        velocity_mps=None if "velocity" in lost else _size(estimate.velocity_covariance_m2ps2),
+    )
+
+
+def _size(covariance: FloatArray | None) -> float | None:
+    """Return the median over epochs of the root of a covariance's trace."""
+    if covariance is None or not np.isfinite(covariance).all(axis=(1, 2)).any():
+        return None
+    return float(np.nanmedian(np.sqrt(np.einsum("nii->n", covariance).clip(0))))
+
+
+def open_heading_spans_s(estimate: Estimate) -> list[tuple[float, float]]:
+    """Return first and last epoch of each span in which yaw is known to no better than a guess."""
+    sigma_deg = estimate.sigma_deg
+    if sigma_deg is None or not len(sigma_deg):
+        return []
+    is_open = sigma_deg[:, 2] > np.degrees(KNOWN_RAD)
+    if "yaw" in hidden(estimate):
+        is_open[:] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_open, [False]]).astype(np.int8)))
+    t_s = estimate.t_s
+    return [
+        (float(t_s[a]), float(t_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
 
 
 def rms(values: FloatArray | None) -> float | None:

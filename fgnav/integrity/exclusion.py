@@ -20,7 +20,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.types.estimate import Estimate, Rejected, Verdict
 from fgnav.types.flight import Fixes, Flight
-from fgnav.types.samples import Samples
+from fgnav.types.instruments import Samples
 
 _TRIALS = 2  # each takes as long as the flight
 _MARGIN_S = 1.0  # blocks are a second long: what spoils one may reach into the next

@@ -9,11 +9,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
-from fgnav.types.instruments import Antenna, ElevationWeights, GnssNoise, Imu, Seeker
+from fgnav.types.instruments import Antenna, ElevationWeights, GnssNoise, Imu, Samples, Seeker
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.receiver import Baseline, Fixes
-from fgnav.types.samples import Samples
 from fgnav.types.summaries import summary, summary_html
 from fgnav.types.surroundings import Barometer, Magnetometer
 from fgnav.types.vehicle import WheeledVehicle

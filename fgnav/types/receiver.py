@@ -6,7 +6,7 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times
-from fgnav.types.samples import Samples
+from fgnav.types.instruments import Samples
 
 Measured: TypeAlias = Literal["vector", "direction", "heading"]
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times, positive
-from fgnav.types.samples import Samples
+from fgnav.types.instruments import Samples
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

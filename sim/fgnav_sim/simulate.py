@@ -71,7 +71,7 @@ def simulate_many(
     """
     together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
     for first in range(0, len(rngs), together):
-        streams = [rng.spawn(9) for rng in rngs[first : first + together]]
+        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
@@ -101,9 +101,8 @@ def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs[
-        :8
-    ]
+    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs
+    baseline_rng = barometer_rng.spawn(1)[0]
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
@@ -143,7 +142,7 @@ def _sensed(
         base=base,
         imu=sensed,
         fixes=tuple(fix(fixes, real, fixes_rng)) if fixes else (),
-        baselines=(baseline(scenario.baseline, real, rngs[8]),) if scenario.baseline else (),
+        baselines=(baseline(scenario.baseline, real, baseline_rng),) if scenario.baseline else (),
         seeker=watched,
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
@@ -164,14 +163,14 @@ def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
-    """Return the antennas up to the last that a receiver speaks of: all with observations."""
-    used = [*scenario.fixes.antennas] if scenario.fixes else []
-    used += [*scenario.baseline.antennas] if scenario.baseline else []
+    """Return the antennas that a receiver speaks of: all with observations."""
     names = antenna_names(len(scenario.antennas_b_m))
-    count = len(names) if scenario.gnss else max((names.index(n) + 1 for n in used), default=0)
+    used = {*scenario.fixes.antennas} if scenario.fixes else set()
+    used |= {*scenario.baseline.antennas} if scenario.baseline else set()
     return tuple(
         Antenna(name=name, position_b_m=np.array(lever_b_m))
-        for name, lever_b_m in zip(antenna_names(count), scenario.antennas_b_m[:count], strict=True)
+        for name, lever_b_m in zip(names, scenario.antennas_b_m, strict=True)
+        if scenario.gnss or name in used
     )
 
 

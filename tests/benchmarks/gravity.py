@@ -37,7 +37,7 @@ class Pair:
 
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate from the fixes' velocities."""
-        fixes = flight.fixes
+        fixes = flight.fixes[0]
         velocity, acceleration = differenced(fixes.t_s, fixes.v_n_mps)
         f_b, covered = windows(flight.imu, fixes.t_s[1:-1])
         rows = np.flatnonzero(covered)[:: max(1, round(self.interval_s * 2 / SPAN_S))]

@@ -106,8 +106,8 @@ def test_noise_is_identified_anew_while_it_runs(monkeypatch):
     monkeypatch.setattr(causal, "_FIRST_S", 5.0)
     made = scenario("six", 7.0, fixes=True, gyroscope=True)
     flight = simulate(made, np.random.default_rng(41_010))
-    fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 2)
-    flight = with_heading(replace(flight, fixes=fixes))
+    fixes = replace(flight.fixes[0], velocity_sigma_mps=flight.fixes[0].velocity_sigma_mps / 2)
+    flight = with_heading(replace(flight, fixes=(fixes,)))
     prepared = Forward().prepare(flight)
     assert len(prepared.stretches) > 1
     whole = Forward().estimate_prepared(flight, prepared)
@@ -182,7 +182,7 @@ def test_a_stream_that_has_let_its_beginning_go_ends_there_as_well(which, monkey
     made, seed, kept_s = LONG[which]
     monkeypatch.setattr(going_on, "KEPT_S", kept_s)
     flight = simulate(made, np.random.default_rng(seed))
-    if flight.fixes is None:
+    if not flight.fixes:
         flight = with_heading(flight)
     stream = ObservationStream(STATED)
     parts = [stream.update(piece) for piece in pieces(flight)]

@@ -23,7 +23,7 @@ def carried_attitudes(
 
     Those are valid whose heading is known by then. Each is from the nearest window whose motion
     determines the heading; causal, from the last such window by then, and valid from the end of the
-    first. Where none does, level, with the heading stated, that of the magnetic field, or zero.
+    first. Where none does, level, with the heading stated, of a baseline, of the field, or zero.
 
     Raises
     ------
@@ -44,7 +44,7 @@ def carried_attitudes(
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
     first_s = first_s if earlier is None else earlier.first_s
-    without_motion_s = heading_without_motion_s(flight.initial, flight.magnetometer, first_s)
+    without_motion_s = heading_without_motion_s(flight, first_s)
     R_level = np.eye(3) if earlier is None else earlier.R_level
     if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)

@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.attitude.receiver_baselines import BodyBaseline, body_baseline
+from fgnav.checks import FloatArray, IntArray, Loss
 from fgnav.frontend.matching import nearest, unused
-from fgnav.types.flight import Baseline, Flight
+from fgnav.types.flight import Flight
 
 _DIMENSIONS = {"vector": 3, "direction": 2, "heading": 1}
-_SHORTEST_M = 0.01  # between antennas: nothing tells a direction of less
 
 
 class BaselineRows(NamedTuple):
@@ -33,40 +33,23 @@ def baselines(flight: Flight, t_s: FloatArray) -> tuple[tuple[BaselineRows, ...]
     parts: list[BaselineRows] = []
     losses: list[Loss] = []
     for one in flight.baselines:
+        if not len(one.t_s):
+            continue
         at, same = nearest(one.t_s, t_s)
         row = np.flatnonzero(same)
-        parts.append(_rows(one, at[row], row, baseline_b_m(flight, one)))
+        parts.append(_rows(body_baseline(flight, one), at[row], row))
         losses += unused(f"baseline {' to '.join(one.antennas)}", len(one.t_s), same)
     return tuple(parts), tuple(losses)
 
 
-def baseline_b_m(flight: Flight, of: Baseline) -> FloatArray:
-    """Return the vector from the first antenna to the second in body axes, (3,).
-
-    Raises
-    ------
-    BadInputError
-        If it is zero.
-    """
-    first, second = (flight.antenna(name).position_b_m for name in of.antennas)
-    vector: FloatArray = second - first
-    if np.linalg.norm(vector) < _SHORTEST_M:
-        raise BadInputError(
-            f"baseline {' to '.join(of.antennas)}: both antennas have position_b_m "
-            f"{first.tolist()}; state where each of them sits"
-        )
-    return vector
-
-
-def _rows(of: Baseline, at: IntArray, row: IntArray, vector_b_m: FloatArray) -> BaselineRows:
+def _rows(between: BodyBaseline, at: IntArray, row: IntArray) -> BaselineRows:
     """Return rows that whiten a baseline's samples ``at``, (k,)."""
+    of = between.of
     value, dimensions = of.vector_n_m[at], _DIMENSIONS[of.measured]
-    if dimensions < 3:
-        vector_b_m = vector_b_m / np.linalg.norm(vector_b_m)
     if dimensions == 1:
         right = np.stack([-value[:, 1], value[:, 0]], axis=1)
         white = np.zeros((len(row), 3, 3))
         white[:, 0, :2] = right / of.heading_sigma_rad[at, None]
     else:
         white = np.linalg.inv(np.linalg.cholesky(of.covariance_m2[at]))
-    return BaselineRows(row, value, white, vector_b_m, dimensions)
+    return BaselineRows(row, value, white, between.vector_b_m, dimensions)

@@ -25,6 +25,8 @@ def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
         stuck["seeker"] = np.zeros(len(seeker.t_s), dtype=np.bool_)
         stuck["seeker"][lit] = stuck_samples(seeker.currents[lit])
     stuck = {name: bad for name, bad in stuck.items() if bad.any()}
+    if not stuck:
+        return flight, ()
     records = {n: one[~stuck[n]] if n in stuck else one for n, one in flight.records.items()}
     losses = tuple(
         Loss(what=f"{name} sample", reason=STUCK, count=int(bad.sum()))

@@ -21,14 +21,11 @@ from fgnav.io.flight.columns import (
     POSITION_SIGMA,
 )
 from fgnav.io.flight.local_frame import columns_to_vectors
-from fgnav.io.flight.sigmas import stated_sigma
+from fgnav.io.flight.series import stated_sigma
 from fgnav.io.flight.usual_noise import BASELINE_SIGMA_M
 from fgnav.types.receiver import Baseline, Fixes, Measured
 
 Blocks = list[tuple[tuple[str, ...], FloatArray]]
-_OF_VECTOR = (BASELINE, POSITION_SIGMA, BASELINE_COVARIANCE)
-_OF_ANGLES = (HEADING, HEADING_SIGMA, PITCH, PITCH_SIGMA, LENGTH, LENGTH_SIGMA)
-GROUPS: tuple[tuple[str, ...], ...] = (*_OF_VECTOR, *_OF_ANGLES)
 _NEEDS = {
     POSITION_SIGMA: BASELINE,
     BASELINE_COVARIANCE: POSITION_SIGMA,

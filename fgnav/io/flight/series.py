@@ -10,8 +10,8 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight import usual_noise
-from fgnav.io.flight.baselines import GROUPS
 from fgnav.io.flight.columns import (
+    BASELINE_GROUPS,
     CURRENTS,
     EULER,
     EULER_SIGMA,
@@ -26,7 +26,6 @@ from fgnav.io.flight.columns import (
 )
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.flight.mounting import mounting
-from fgnav.io.flight.sigmas import stated_sigma
 from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
 from fgnav.io.strict_toml import Table
 from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
@@ -36,7 +35,7 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "imu": (("t_s", *FORCE), (RATE,)),
     "fixes": (("t_s", *PLACE), (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)),
-    "baseline": (("t_s",), GROUPS),
+    "baseline": (("t_s",), BASELINE_GROUPS),
     "barometer": (("t_s", *HEIGHT), ()),
     "magnetometer": (("t_s", *FIELD), ()),
     "seeker": (("t_s", *CURRENTS), ()),
@@ -45,6 +44,8 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
         (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
     ),
 }
+
+LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 
 
 def values_of(table: Table, record: type[Any]) -> dict[str, Any]:
@@ -122,6 +123,29 @@ def _sigma(
 ) -> FloatArray:
     stated = stated_sigma(where, samples, names)
     return np.tile(np.array(default), (len(samples["t_s"]), 1)) if stated is None else stated
+
+
+def stated_sigma(
+    where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
+) -> FloatArray | None:
+    """Return standard deviations, (k, c); None where the samples have none.
+
+    Raises
+    ------
+    BadInputError
+        If one is not positive.
+    """
+    if names[0] not in samples:
+        return None
+    sigma = columns_to_vectors(samples, names)
+    wrong = sigma < LEAST_SIGMA
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise BadInputError(
+            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+            f"got {sigma[row, column]:.9g}"
+        )
+    return sigma
 
 
 def barometer(samples: Mapping[str, FloatArray], table: BarometerKeys) -> Barometer:

@@ -9,8 +9,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight.columns import PLACE, largest
-from fgnav.io.flight.series import COLUMNS
-from fgnav.io.flight.sigmas import LEAST_SIGMA
+from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
 from fgnav.types.flight import TruthSource
 
 Samples: TypeAlias = Mapping[str, FloatArray]

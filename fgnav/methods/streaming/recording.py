@@ -10,9 +10,9 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, truncated
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import Samples
+from fgnav.types.instruments import joined as joined_samples
 from fgnav.types.observations import Observations
-from fgnav.types.samples import Samples
-from fgnav.types.samples import joined as joined_samples
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 
@@ -46,6 +46,14 @@ def joined(*parts: Flight) -> Flight:
     BadInputError
         If a record does not go on where it ended.
     """
+    records: dict[str, Samples] = {}
+    for name in dict.fromkeys(name for part in parts for name in part.records):
+        of = [part.records[name] for part in parts if name in part.records]
+        filled = [one for one in of if len(one.t_s)] or of[:1]
+        records[name] = of[0]
+        if name != "truth":
+            _follow(name, filled)
+            records[name] = joined_samples(filled)
     changed: dict[str, Any] = {}
     for name in ("broadcast", "precise"):
         orbits = [one for part in parts if (one := getattr(part, name)) is not None]
@@ -55,15 +63,6 @@ def joined(*parts: Flight) -> Flight:
     if bases:
         ground = _observed([one.observations for one in bases])
         changed["base"] = None if ground is None else replace(bases[0], observations=ground)
-    records: dict[str, Samples] = {}
-    for name in dict.fromkeys(name for part in parts for name in part.records):
-        of = [part.records[name] for part in parts if name in part.records]
-        filled = [one for one in of if len(one.t_s)] or of[:1]
-        if name != "truth":
-            _follow(name, filled)
-            records[name] = joined_samples(filled)
-        else:
-            records[name] = of[0]
     return replace(parts[0], **changed).with_records(records)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
-from fgnav.evaluation.report.table import heads, remarks, score_row
+from fgnav.evaluation.report.table import WHAT, remarks, score_table
 from fgnav.evaluation.scores import EULER, Angles
 from fgnav.types.flight import Flight
 
@@ -25,17 +25,9 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 
 def method_table(comparison: Comparison) -> Blocks:
-    """Return the table of the methods, and below it the bound or the differences."""
-    columns = [
-        "method",
-        *(
-            f"{name} {unit}" if "(" in unit else f"{name}, {unit}"
-            for name, unit in heads(comparison)
-        ),
-    ]
-    rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
-    judge = comparison.judged_by
-    what = "no truth to judge by" if judge is None else f"RMS errors against {judge}"
+    """Return the table of the methods and their differences, and below it the bounds."""
+    heads, rows = score_table(comparison)
+    columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
         for what, own in (
@@ -44,7 +36,7 @@ def method_table(comparison: Comparison) -> Blocks:
         )
     ]
     return (
-        table(columns, rows, f"{what}, {comparison.epochs} epochs")
+        table(columns, rows, f"{WHAT[comparison.judged_by]}, {comparison.epochs} epochs")
         + [
             block
             for what, own in bounds
@@ -52,7 +44,6 @@ def method_table(comparison: Comparison) -> Blocks:
             for block in paragraph(f"{what}: {', '.join(own)}.")
         ]
         + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
-        + _differences(comparison)
         + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
     )
 
@@ -64,29 +55,6 @@ def _angles(bound: Angles) -> list[str]:
         for angle in EULER
         if (value := getattr(bound, angle)) is not None
     ]
-
-
-def _differences(comparison: Comparison) -> Blocks:
-    rows = [
-        [
-            " − ".join(one.methods),
-            *(number(getattr(one.rms_deg, angle)) for angle in ("roll", "pitch", "yaw")),
-            number(one.attitude_rms_deg),
-            number(one.position_rms_m),
-            number(one.velocity_rms_mps),
-        ]
-        for one in comparison.differences
-    ]
-    heads = [
-        "methods",
-        "roll, deg",
-        "pitch, deg",
-        "yaw, deg",
-        "angle, deg",
-        "position, m",
-        "velocity, m/s",
-    ]
-    return table(heads, rows, "RMS differences of methods on epochs that both have")
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:

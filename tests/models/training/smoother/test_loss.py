@@ -119,7 +119,7 @@ def test_networks_are_compared_on_flights_that_both_solve(flight):
     assert 0 < one.nees[0] < 30
     estimate = method(flight)
     assert one.rmse_deg[0] == pytest.approx(np.sqrt(3) * rms_deg(estimate, flight), rel=1e-6)
-    lost = judged(method, [dataclasses.replace(flight, fixes=None)])
+    lost = judged(method, [dataclasses.replace(flight, fixes=())])
     assert np.isnan(lost.nll).all()
 
     rng = np.random.default_rng(5)
