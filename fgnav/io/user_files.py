@@ -15,6 +15,7 @@ import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
+from zipfile import BadZipFile, ZipFile
 
 from fgnav.checks import BadInputError
 
@@ -22,6 +23,7 @@ LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 # RINEX, SP3 and CSV shrink 3 to 20 times (the recordings in use: 3.3 to 13); a bomb 1,000 times.
 _MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
 PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x1f\x9d": "compress"}
+PACKED[b"PK\x03\x04"] = "zip"
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -130,7 +132,7 @@ def _refuse_holes(path: Path, file: BinaryIO) -> None:
 
 
 def unpacked(path: Path, content: bytes) -> bytes:
-    """Return what a file of gzip, bzip2, xz or compress (.Z) holds; other content as it is.
+    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is.
 
     Raises
     ------
@@ -144,7 +146,7 @@ def unpacked(path: Path, content: bytes) -> bytes:
     try:
         with _opened(kind, content) as file:
             plain = file.read(limit + 1)
-    except (EOFError, OSError, ValueError, zlib.error, lzma.LZMAError) as error:
+    except (EOFError, OSError, ValueError, zlib.error, lzma.LZMAError, BadZipFile) as error:
         raise BadInputError(f"{path}: damaged {kind} file, {error}; fetch it again") from error
     if len(plain) > limit:
         raise _too_large(path, "unpacks to more", limit)
@@ -153,7 +155,7 @@ def unpacked(path: Path, content: bytes) -> bytes:
 
 def plain_name(name: str) -> str:
     """Return a file's name without the suffix of its packing."""
-    return re.sub(r"\.(?:gz|bz2|xz|Z)$", "", name)
+    return re.sub(r"\.(?:gz|bz2|xz|zip|Z)$", "", name)
 
 
 def _opened(kind: str, content: bytes) -> BinaryIO:
@@ -164,6 +166,12 @@ def _opened(kind: str, content: bytes) -> BinaryIO:
         return bz2.BZ2File(BytesIO(content))  # type: ignore[return-value]
     if kind == "xz":
         return lzma.LZMAFile(BytesIO(content))  # type: ignore[return-value]
+    if kind == "zip":
+        archive = ZipFile(BytesIO(content))
+        names = archive.namelist()
+        if len(names) != 1:
+            raise ValueError(f"it holds {len(names)} files, not one")
+        return archive.open(names[0])  # type: ignore[return-value]
     from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
 
     return BytesIO(decompress(content))

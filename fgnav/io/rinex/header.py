@@ -14,7 +14,7 @@ from fgnav.io.tables import is_number
 
 _MOST_TYPES = 99  # more than any receiver tracks
 _TYPE = {2: re.compile(r"[CLPDS][1-9A-Z]"), 3: re.compile(r"[CLDSIX][0-9][A-Z0-9]?")}
-_VERSIONS = {2: (2.00, 2.11), 3: (3.00, 3.05), 4: (4.00, 4.02)}
+_VERSIONS = {2: (2.00, 2.12), 3: (3.00, 3.05), 4: (4.00, 4.02)}
 _SYSTEMS = "GRECJSI"
 _TIMES = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}
 _NAVIGATION_2 = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}  # constellations by file type
@@ -41,6 +41,8 @@ class Header:
     content: tuple[str, ...]  # its lines
     # divisor of values by constellation and type, 1 where absent
     scales: dict[tuple[str, str], int] = field(default_factory=dict)
+    # satellites, "" for all, and carriers whose phases may be off by half a cycle
+    half_cycles: frozenset[tuple[str, str]] = frozenset()
 
     @property
     def lines(self) -> int:
@@ -85,7 +87,8 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         first = next((one for one in lines if one.label == "TIME OF FIRST OBS"), None)
         if first is None:
             raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
-        time_system = first.text[43:].strip() or time_system
+        last = first.text.split()[-1:]  # wherever it stands
+        time_system = last[0] if last and last[0].isalpha() else time_system
         if time_system not in ("GPS", *_TIMES.values()):
             raise first.fault("time system must be GPS, GLO, GAL, QZS or BDT", time_system)
     return Header(
@@ -96,10 +99,11 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         time_system=time_system,
         last_us=_last_us(lines),
         interval_s=_interval_s(lines),
-        klobuchar=_klobuchar(lines),
+        klobuchar=_klobuchar(lines, system),
         size=size,
         content=tuple(one.whole for one in lines),
         scales=_scales(lines, types),
+        half_cycles=_half_cycles(lines),
     )
 
 
@@ -130,7 +134,7 @@ def _version(line: _Line, kind: Kind) -> tuple[float, str]:
     version = float(line.text[:9])
     low, high = _VERSIONS.get(int(version) if np.isfinite(version) else 0, (1.0, 0.0))
     if not low <= round(version, 3) <= high:
-        raise line.fault("RINEX version must be 2.00-2.11, 3.00-3.05 or 4.00-4.02", f"{version:g}")
+        raise line.fault("RINEX version must be 2.00-2.12, 3.00-3.05 or 4.00-4.02", f"{version:g}")
     letter = line.text[20:21]
     if (letter == "O") != (kind == "observations") or letter not in "ONGHJLE":
         raise line.fault(f"must be a RINEX {kind} file", line.text[20:40].strip())
@@ -171,10 +175,10 @@ def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[st
 def _checked(
     line: _Line, count: str, names: list[str], pattern: re.Pattern[str]
 ) -> tuple[str, ...]:
-    """Return observation types; their number and each of them is checked."""
+    """Return observation types; there may be more than announced, but not fewer."""
     if not count.strip().isdigit():
         raise line.fault("number of observation types must be whole", count)
-    if int(count) != len(names):
+    if int(count) > len(names):
         raise line.fault(f"{int(count)} observation types announced", f"{len(names)} listed")
     if not 0 < len(names) <= _MOST_TYPES:
         raise line.fault(f"1 to {_MOST_TYPES} observation types", count)
@@ -185,22 +189,32 @@ def _checked(
 
 
 def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
-    """Return the factors that values of types were multiplied by; refuse phases in half cycles."""
+    """Return the factors that values of types were multiplied by."""
     scales = {}
     letter, factor = "", 1
     for line in lines:
-        if line.label == "WAVELENGTH FACT L1/2" and "2" in line.text[:12]:
-            raise line.fault(f"{line.label} must be 1; convert the file", line.text.strip())
         if line.label != "SYS / SCALE FACTOR":
             continue
         if line.text[0] != " ":
-            letter, text = line.text[0], line.text[2:6].strip()
+            letter, text = line.text[0], line.text[2:6].strip().lstrip("0")
             if text not in ("", "1", "10", "100", "1000"):
                 raise line.fault(f"{line.label} must be 1, 10, 100 or 1000; repair the line", text)
             factor = int(text or "1")
         for name in line.text[10:58].split() or types.get(letter, ()):
             scales[letter, name] = factor
     return scales
+
+
+def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
+    """Return satellites, nothing for all, and carriers whose ambiguities may be half cycles."""
+    half = set[tuple[str, str]]()
+    for line in lines:
+        if line.label == "WAVELENGTH FACT L1/2":
+            names = [one.replace(" ", "0") for one in re.findall(r"[GRSE ][ \d]\d", line.text[18:])]
+            factors = line.text[:6].strip(), line.text[6:12].strip()
+            for band, factor in zip("12", factors, strict=True):
+                half |= {(name, band) for name in names or [""] if factor == "2"}
+    return frozenset(half)
 
 
 def _last_us(lines: list[_Line]) -> int | None:
@@ -226,12 +240,12 @@ def _interval_s(lines: list[_Line]) -> float | None:
     return interval_s if 0 < interval_s < np.inf else None
 
 
-def _klobuchar(lines: list[_Line]) -> tuple[float, ...]:
+def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:
     """Return the GPS ionosphere model of a navigation head."""
     model = [0.0] * 8
     for line in lines:
         start, shift = -1, 2
-        if line.label in ("ION ALPHA", "ION BETA"):
+        if line.label in ("ION ALPHA", "ION BETA") and system == "G":
             start = 4 * (line.label == "ION BETA")
         elif line.label == "IONOSPHERIC CORR" and line.text[:4] in ("GPSA", "GPSB"):
             start, shift = 4 * (line.text[:4] == "GPSB"), 5

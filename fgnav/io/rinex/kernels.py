@@ -44,10 +44,13 @@ class Scanned(NamedTuple):
 
 @inner
 def _whole(text: Bytes, start: int, end: int, stop: int) -> int:
-    """Return a right-adjusted whole number, -1 when blank, -2 when it is none."""
+    """Return a right-adjusted whole number, -1 when blank, -2 when it is none.
+
+    A line may end behind it.
+    """
     value = -1
-    for i in range(start, end):
-        c = text[i] if i < stop else _BLANK
+    for i in range(start, min(end, stop)):
+        c = text[i]
         if _ZERO <= c <= _NINE:
             value = (value if value > 0 else 0) * 10 + (c - _ZERO)
         elif c != _BLANK or value >= 0:
@@ -76,7 +79,8 @@ def _ticks(text: Bytes, p: int, width: int, stop: int) -> int:
         year += 1900 if year >= 80 else 2000
     month, day = _whole(text, p + 1, p + 3, stop), _whole(text, p + 4, p + 6, stop)
     hour, minute = _whole(text, p + 7, p + 9, stop), _whole(text, p + 10, p + 12, stop)
-    second, fraction = _whole(text, p + 12, p + 15, stop), _whole(text, p + 16, p + 23, stop)
+    after = p + 14 if p + 15 < stop and text[p + 14] == _BLANK else p + 15
+    second, fraction = _whole(text, p + 12, after, stop), _whole(text, p + 16, p + 23, stop)
     day_number = days(year, month, day)
     fits = 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 60 and fraction >= 0
     if day_number < 0 or not fits or p + 23 > stop or text[p + 15] != _DOT:
@@ -99,7 +103,9 @@ def _begins(text: Bytes, p: int, stop: int, width: int, row: IntArray) -> bool:
         shift, q = (1 if late == 1 else 0), p + (6 if width == 4 else 3)
         ticks = _ticks(text, q + (1 if late else 0), width, stop)
         flag = _whole(text, q + shift + 25, q + shift + 26, stop)
-        announced = _whole(text, q + shift + 26, q + shift + 29, stop)
+        end = q + shift + 29
+        end -= 1 if end <= stop and text[end - 1] == _BLANK else 0  # not adjusted
+        announced = _whole(text, q + shift + 26, end, stop)
         flag = 0 if flag == -1 and width == 2 else flag
         row[TICKS], row[FLAG], row[ANNOUNCED], row[SHIFT] = ticks, flag, announced, shift
         if 0 <= flag <= 1 and ticks >= 0 and announced >= 0:

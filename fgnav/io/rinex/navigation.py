@@ -48,6 +48,7 @@ PLAIN = {
     "health": 24,
 }
 ROOT_A, DATA_SOURCE, WEEK, ACCURACY, DELAYS, TRANSMISSION = 10, 20, 21, 23, slice(25, 27), 27
+FIT = 28  # the last but spares
 BDT_WEEK = 1356  # GPS week of BeiDou's week 0
 _NEEDED = [*range(20), WEEK, ACCURACY, 24]  # spares and flags may be blank
 # Nominal user range accuracy by index, m: IS-GPS-200N, 20.3.3.3.1.3; 15 states none.
@@ -189,7 +190,7 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
     words += [one[later + _WIDTH * k :][:_WIDTH] for one in lines[1:] for k in range(4)]
     numbers = list[float]()
     for k, word in enumerate(words):
-        text = word.strip()
+        text = word.strip() if k <= FIT else ""
         if (not text and k in _NEEDED) or _NO_NUMBER.search(text):
             return "must hold numbers such as -1.234567890123E-04"
         try:

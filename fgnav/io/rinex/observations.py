@@ -15,7 +15,7 @@ from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, UNIX_OF_GPS_S, gps_
 from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.signals import SignalChoice
 from fgnav.io.rinex.text import Bytes
-from fgnav.types.observations import LOST_LOCK, Observations
+from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
 
 if TYPE_CHECKING:
     from fgnav.io.rinex.kernels import Plan, Scanned
@@ -27,7 +27,7 @@ _EVENTS = {2: "antenna starts to move", 3: "new site", 4: "header lines", 5: "ex
 _EVENTS[6] = "cycle slip records"
 # Labels that change what the numbers mean; inside the body they must repeat the header's lines.
 _MEANING: tuple[str, ...] = ("# / TYPES OF OBSERV", "SYS / # / OBS TYPES", "SYS / SCALE FACTOR")
-_MEANING += ("WAVELENGTH FACT L1/2", "TIME OF FIRST OBS")
+_MEANING += ("TIME OF FIRST OBS",)
 _ENDS = b" \r\n\x1a\0"  # blank lines, the end of a text of DOS, a block that was not filled
 _RULES = {  # by number, as of ``kernels``
     1: "no epoch begins where one must (date, event flag or number of satellites)",
@@ -85,6 +85,9 @@ def to_observations(
     values, locks = into.values[used], into.locks[used]
     channels, arrays, alone = _dense(epoch, len(ticks), records, signals, values, locks, names)
     arrays["lock_flags"][epochs[kept, 1] == 1] |= LOST_LOCK
+    for m, (satellite, signal) in enumerate(channels):
+        if header.half_cycles & {(satellite, signal[0]), ("", signal[0])}:
+            arrays["lock_flags"][np.isfinite(arrays["phase_cycles"][..., m]), m] |= HALF_CYCLE
     return Observations(
         t_s=nominal_epochs(tag_s, start_gps_s),
         tag_s=tag_s[:, None],

@@ -1,5 +1,6 @@
 """The bytes of a RINEX or SP3 file, whatever it was packed with."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from fgnav.checks import BadInputError
 from fgnav.io.user_files import read_bytes
 
 Bytes = NDArray[np.uint8]
+_BLANK_LINES = re.compile(rb"\A(?:[ \t]*\r?\n)+")
 
 
 def read_text(path: Path) -> Bytes:
@@ -18,7 +20,7 @@ def read_text(path: Path) -> Bytes:
     Parameters
     ----------
     path : Path
-        Plain, packed (.gz, .Z, .bz2, .xz) or Hatanaka's (.crx); told by content, not by name.
+        Plain, packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx); told by content, not by name.
 
     Returns
     -------
@@ -30,8 +32,7 @@ def read_text(path: Path) -> Bytes:
         If the file is missing, empty, packed otherwise or damaged in its packing.
     """
     content = read_bytes(path, is_text=True)
-    if content.startswith(b"PK"):
-        raise BadInputError(f"{path}: must be text, or packed by gzip or such, got zip; unpack it")
+    content = _BLANK_LINES.sub(b"", content, count=1)
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)
     if not content[:1000].strip():

@@ -10,6 +10,7 @@ from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.kernels import days
 from fgnav.io.rinex.observations import to_observations
 from fgnav.io.rinex.signals import choose_signals
+from fgnav.types.observations import HALF_CYCLE
 from tests.io.rinex_texts import SATELLITES, epoch_3, head_3, line, observation_2, observation_3
 
 PATH = Path("a.rnx")
@@ -126,6 +127,23 @@ def test_events_of_rinex_2_are_passed_over():
     got = read(text[:body] + event + text[body:])
     assert len(got.t_s) == 3
     assert got.losses[0].what == "event 4 record"
+
+
+def test_numbers_of_epochs_that_are_not_adjusted_are_read():
+    for old, new in (("  0  5\n", "  0 5\n"), ("  0  5\n", "  0 5       -0.123456789012\n")):
+        np.testing.assert_array_equal(read(GOOD.replace(old, new)).code_m, read(GOOD).code_m)
+
+
+def test_phases_of_half_wavelengths_have_half_cycles():
+    factors = line("     1     1", "WAVELENGTH FACT L1/2")
+    factors += line("     1     2     2   G01   G 3", "WAVELENGTH FACT L1/2")
+    got = read(TWO.replace(line("", "END OF HEADER"), factors + line("", "END OF HEADER")))
+    flags = dict(
+        zip(zip(got.satellites, got.signals, strict=True), got.lock_flags[0, 0], strict=True)
+    )
+    assert {pair for pair, flag in flags.items() if flag & HALF_CYCLE} == {
+        *(("G01", "2W"), ("G03", "2W")),
+    }
 
 
 @pytest.mark.parametrize("label", ["MARKER NAME", "ANTENNA: DELTA H/E/N", "APPROX POSITION XYZ"])

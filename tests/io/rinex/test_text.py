@@ -42,7 +42,7 @@ def test_packing_is_told_by_content_not_by_name(tmp_path):
         (gzip.compress(PLAIN)[:-20], "damaged gzip file"),
         (gzip.compress(PLAIN)[:60] + b"\0\1\2" + gzip.compress(PLAIN)[63:], "damaged gzip file"),
         (b"\x1f\x9d\x90abc", "damaged compress file"),
-        (b"PK\x03\x04abc", "got zip"),
+        (b"PK\x03\x04abc", "damaged zip file"),
         (b"BZh91AY", "damaged bzip2 file"),
         (rnx2crx(PLAIN)[:-9], "must end with a line end, the last line is cut"),
         (b"".join(rnx2crx(PLAIN).splitlines(True)[:-3]) + b"&&&\n", "damaged Hatanaka file"),
