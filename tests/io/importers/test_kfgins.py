@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from fgnav.io.importers.recognise import recognised
 from tests.io.importers.helpers import imported, refused
 
 STEP_S, RATE, FORCE = 0.005, [0.1, -0.2, 0.3], [0.5, -1.0, -9.8]
@@ -28,6 +29,14 @@ def test_increments_become_rates_at_the_middle_of_their_interval(tmp_path, files
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [0.01, 0.02, 0.03])
     np.testing.assert_allclose(flight.fixes[0].p_n_m[1], [0, 0, -1], atol=1e-6)
     np.testing.assert_allclose(flight.truth.v_n_mps[0], [1, 2, 3], atol=1e-9)
+
+
+def test_its_files_are_told_by_their_content(tmp_path, files):
+    for path in files:
+        assert recognised(path, tmp_path) == ("kfgins", path)
+    rates = [f"{456300 + 0.01 * k:.2f} 0.01 0.02 0.03 0.1 0.2 -9.8" for k in range(5)]
+    (tmp_path / "rates.csv").write_text("\n".join(rates) + "\n")  # no increments
+    assert recognised(tmp_path / "rates.csv", tmp_path)[0] == "csv"
 
 
 def test_a_week_that_no_file_states_comes_from_the_settings(tmp_path, files):

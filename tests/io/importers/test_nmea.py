@@ -66,6 +66,13 @@ def test_what_is_no_fix_damaged_or_not_read_is_counted(tmp_path):
     }
 
 
+def test_a_sentence_that_cannot_be_decoded_is_counted(tmp_path):
+    wrong = sentence("GNRMC,120001.00,A,4019.8,N,00352.8,W,fast,0.0,010124,,,R")
+    flight, losses, _ = read(tmp_path, rmc("120000.00"), gga("120000.00"), wrong)
+    assert len(flight.fixes[0].t_s) == 1
+    assert losses["RMC message: cannot be decoded"] == 1
+
+
 def test_a_start_within_half_a_day_dates_a_file_without_dates(tmp_path):
     flight, _, _ = read(tmp_path, gga("235959.00"), toml='start = "2024-01-02T03:00:00"')
     np.testing.assert_allclose(flight.fixes[0].t_s, -3 * 3600 - 1 + 18, atol=1e-6)

@@ -68,9 +68,11 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         tables |= {"fixes": fixes(solution, start_s)} if solution.place else {}
         tables |= {"baseline": baseline(solution, start_s)} if solution.times else {}
     if not (tables or observations):
+        (what, reason), *_ = [*solution.counts, ("", "")]
         raise BadInputError(
             f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
-            "raw measurements; look what the receiver was set to put out"
+            f"raw measurements{f' ({what}: {reason})' if what else ''}; look what the receiver was "
+            "set to put out"
         )
     outside = "in no whole message: damaged, or of another format"
     solution.counts["byte", outside] += len(content) - size
@@ -100,11 +102,15 @@ def _decoded(
         if not handlers and one.name not in sentences.READ:
             others[one.protocol, one.number, one.name] += 1
             continue
-        with foreign(path, one.name):
-            decoded = one.decoded()
-            for take in handlers:
-                take(decoded, solution)
-        texts += [] if handlers else [decoded]
+        try:
+            with foreign(path, one.name):
+                decoded = one.decoded()
+                for take in handlers:
+                    take(decoded, solution)
+        except BadInputError:  # one message, that its checksum has proved, is no reason to stop
+            solution.counts[f"{one.name} message", "cannot be decoded"] += 1
+        else:
+            texts += [] if handlers else [decoded]
     if texts:
         _add_sentences(path, texts, settings, solution)
     return others, size
