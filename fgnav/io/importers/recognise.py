@@ -103,7 +103,8 @@ def _format(path: Path) -> str:
     if named not in (None, "csv"):
         return str(named)
     text = head.decode(encoding_of(head[:4]), "replace")
-    rows = [line.replace(",", " ").split() for line in text.splitlines()[:-1]]
+    whole = text.splitlines()[: -1 if len(head) == _HEAD_BYTES else None]
+    rows = [line.replace(",", " ").split() for line in whole]
     rows = [row for row in rows if row and all(map(is_number, row))]
     width = {len(row) for row in rows}
     is_table = len(rows) > 1 and len(width) == 1 and width <= {7, 11} and b"," not in head
@@ -119,7 +120,7 @@ def _format(path: Path) -> str:
 
 def _is_kfgins(x: FloatArray) -> bool:
     """Return True if rows may be KF-GINS's: a reference, increments, or fixes with sigmas."""
-    shift = x.shape[1] == 11
+    shift = int(x.shape[1] == 11)  # a week goes before
     if not (np.diff(x[:, shift]) > 0).all() or not (np.abs(x[:, shift]) <= 604_800).all():
         return False
     if shift:
