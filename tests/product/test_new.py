@@ -11,7 +11,13 @@ import pytest
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers.guess import guessed
-from tests.io.importers import test_ardupilot, test_pos, test_receivers, test_ulog
+from tests.io.importers import (
+    test_ardupilot,
+    test_pos,
+    test_receivers,
+    test_solutions,
+    test_ulog,
+)
 from tests.io.importers.helpers import imported
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -140,6 +146,18 @@ def test_each_format_is_told_by_its_content_and_commented(tmp_path, capsys, form
     assert f"{tmp_path / 'log'}: {format_}" in capsys.readouterr().out
     assert table in tomllib.loads(text)
     assert "# EDIT: no file states where the antenna sits" in text
+
+
+def test_a_dual_receiver_is_two_antennas_and_their_baseline(tmp_path, capsys):
+    pytest.importorskip("pyubx2")
+    (tmp_path / "rover.ubx").write_bytes(test_solutions.ubx())
+    text = new(tmp_path, tmp_path / "rover.ubx")
+    assert "# A receiver's vector or heading, from the first antenna" in text
+    table = tomllib.loads(text)
+    assert [one["name"] for one in table["antenna"]] == ["gps1", "gps2"]
+    assert table["baseline"] == [{"samples": "baseline.csv", "antennas": ["gps2", "gps1"]}]
+    assert "edit antenna.position_b_m" in capsys.readouterr().out
+    assert len(load_flight(tmp_path / "flight").baselines[0].t_s) == test_solutions.EPOCHS
 
 
 def test_two_antennas_of_one_name_are_told_apart(tmp_path):

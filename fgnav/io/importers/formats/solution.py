@@ -106,7 +106,7 @@ def _ubx_relative(one: Any, to: Solution) -> None:  # noqa: ANN401
     if not (one.gnssFixOK and one.relPosValid and one.carrSoln):
         to.counts["NAV-RELPOSNED message", "no baseline of carrier phases"] += 1
         return
-    if not one.isMoving or one.relPosNormalized:
+    if not one.isMoving or getattr(one, "relPosNormalized", False):  # not in version 0
         reason = "from a base that does not move with the vehicle, or without a length"
         to.counts["NAV-RELPOSNED message", reason] += 1
         return
