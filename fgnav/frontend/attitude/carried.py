@@ -44,7 +44,9 @@ def carried_attitudes(
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
     first_s = first_s if earlier is None else earlier.first_s
-    without_motion_s = heading_without_motion_s(flight, first_s)
+    given_s = without_motion_s = heading_without_motion_s(flight, first_s)
+    if earlier is not None:  # by samples that are gone
+        given_s = without_motion_s = min(without_motion_s, earlier.without_motion_s)
     R_level = np.eye(3) if earlier is None else earlier.R_level
     if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
@@ -78,6 +80,7 @@ def carried_attitudes(
             R_level=R_level,
             R_ub=motion.own.R_ub[0],
             windows=motion,
+            without_motion_s=given_s,
         ),
     )
 
