@@ -61,6 +61,8 @@ def carried_attitudes(
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
         determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
     without_motion_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
+    # Which is first: a window that ends later is of the future, whenever it began.
+    is_without = without_motion_s <= _first(motion.until_s, determined_s)
     return Alignment(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
@@ -69,8 +71,8 @@ def carried_attitudes(
         refused=np.zeros(len(t_s), dtype=np.bool_),
         own=motion.own,
         gyroscope_bias_b_radps=motion.bias_b_radps,
-        heading_from_s=min(without_motion_s, _first(motion.begun_s, determined_s)),
-        heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
+        heading_from_s=without_motion_s if is_without else _first(motion.begun_s, determined_s),
+        heading_known_s=without_motion_s if is_without else _first(motion.until_s, determined_s),
         notes=(OPEN_HEADING,) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=first_s,
