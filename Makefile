@@ -1,6 +1,8 @@
 # Each goal makes .venv and installs what it needs, and again only when the lists of packages change.
 PYTHON ?= python3
 ONLY ?=
+SCALE ?= smoke
+DEVICE ?= cpu
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -13,7 +15,7 @@ DEV := $(VENV)/installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := install
-.PHONY: install demo test check bench clean
+.PHONY: install demo test check bench plan clean
 
 install: $(DEV)
 
@@ -59,6 +61,11 @@ check: $(DEV)
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks $(ONLY)
+
+# What training each recipe would cost: two steps of every network, timed. make plan SCALE=paper DEVICE=cuda
+plan: $(DEV)
+	@set -e; for recipe in models/fgnav_models/recipes/*.toml; do echo "$$recipe"; \
+	  $(BIN)/fgnav train $$recipe --plan --scale $(SCALE) --device $(DEVICE) --out $$(mktemp -d); done
 
 clean:
 	rm -rf $(VENV) demo bench.json yardstick.json build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -30,6 +30,17 @@ class BodyBaseline(NamedTuple):
         """Of the record."""
         return f"baseline {' '.join(self.of.antennas)}"
 
+    @property
+    def variance_rad2(self) -> FloatArray:
+        """Mean variance of its direction about the two axes across it, (k,); of its heading."""
+        of = self.of
+        if of.measured == "heading":
+            return of.heading_sigma_rad**2
+        square = np.einsum("ki,ki->k", of.vector_n_m, of.vector_n_m)
+        along = np.einsum("ki,kij,kj->k", of.vector_n_m, of.covariance_m2, of.vector_n_m) / square
+        trace = np.einsum("kii->k", of.covariance_m2)
+        return np.asarray((trace - along) / (2 * square))
+
 
 def body_baseline(flight: Flight, of: Baseline) -> BodyBaseline:
     """Return a baseline with what it is in body axes.
@@ -72,8 +83,7 @@ def _precise(baselines: Iterable[BodyBaseline]) -> tuple[BodyBaseline, ...]:
     """Return baselines with the samples alone whose direction is known."""
     left = []
     for one in baselines:
-        sigma = np.sqrt(np.einsum("kii->k", one.of.covariance_m2) / 3)
-        precise = sigma < KNOWN_RAD * np.linalg.norm(one.vector_b_m)
+        precise = one.variance_rad2 < KNOWN_RAD**2
         if precise.any():
             left.append(one._replace(of=one.of[precise]))
     return tuple(left)

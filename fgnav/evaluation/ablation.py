@@ -11,6 +11,8 @@ from fgnav.types.estimate import Estimate, Estimator
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
+GRAVITY = "gravity"  # of a method, where KINDS are of a flight
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Restricted:
@@ -23,6 +25,28 @@ class Restricted:
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate what is left of a flight."""
         return replace(self.estimator(without(flight, self.without)), method=self.name)
+
+
+def restricted(name: str, estimator: Estimator, kinds: Sequence[str]) -> Restricted:
+    """Return a method without some kinds of measurement, gravity among them where it takes it.
+
+    Raises
+    ------
+    BadInputError
+        If a kind is unknown, or the method has no source of gravity.
+    """
+    measured = tuple(kind for kind in kinds if kind != GRAVITY)
+    check_kinds(measured)
+    if len(measured) < len(kinds):
+        if not has_gravity(estimator):
+            raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
+        estimator = replace(estimator, gravity=None)  # type: ignore[type-var]  # has the field
+    return Restricted(name=name, estimator=estimator, without=measured)
+
+
+def has_gravity(estimator: Estimator) -> bool:
+    """Return True if a method has a source of gravity directions."""
+    return getattr(estimator, GRAVITY, None) is not None
 
 
 def without(flight: Flight, kinds: Sequence[str]) -> Flight:
@@ -51,7 +75,7 @@ def check_kinds(kinds: Sequence[str]) -> None:
     """Raise unless all are of ``KINDS``."""
     for kind in kinds:
         if kind not in KINDS:
-            raise BadInputError(f"without {kind}: not one of {', '.join(KINDS)}")
+            raise BadInputError(f"without {kind}: not one of {', '.join((*KINDS, GRAVITY))}")
 
 
 def _none(name: str) -> Callable[[Flight], Flight | None]:
@@ -110,7 +134,7 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "baselines": _none("baselines"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
-    "seeker": _none("seeker"),
+    "line-of-sight": _none("seeker"),
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
     "networks": _no_networks,

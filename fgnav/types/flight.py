@@ -15,7 +15,7 @@ from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.receiver import Baseline, Fixes
 from fgnav.types.summaries import summary, summary_html
 from fgnav.types.surroundings import Barometer, Magnetometer
-from fgnav.types.vehicle import WheeledVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 __all__ = [
     "Antenna",
@@ -206,7 +206,7 @@ class Flight:
     baselines : tuple of Baseline
         From antenna to antenna, by receivers.
     imu, seeker, barometer, magnetometer, truth : their types, or None
-    vehicle : WheeledVehicle or None
+    vehicle : WheeledVehicle, FinnedVehicle or None
         What it may be taken to do.
     standstill : bool
         Whether it may be taken to stand still where samples and GNSS say so.
@@ -241,7 +241,7 @@ class Flight:
     seeker: Seeker | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
-    vehicle: WheeledVehicle | None = None
+    vehicle: WheeledVehicle | FinnedVehicle | None = None
     standstill: bool = False
     initial: InitialAttitude | None = None
     truth: Truth | None = None

@@ -1,7 +1,7 @@
 """The command ``fgnav train``; everything heavy is imported when it runs."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -30,6 +30,7 @@ def train(
     train_through: Literal["alone", "smoother"] = "alone",
     resume: bool = False,
     slice_s: float = 480.0,
+    plan: bool = False,
 ) -> None:
     """Train networks from a recipe.
 
@@ -55,7 +56,11 @@ def train(
         Go on with what the folder holds.
     slice_s : float
         Seconds after which to stop with a checkpoint.
+    plan : bool
+        Take two steps of each network in the place of all, and print what all would cost; what is
+        written is good for nothing else.
     """
+    from math import inf  # noqa: PLC0415
     from time import perf_counter  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError, positive  # noqa: PLC0415
@@ -78,8 +83,13 @@ def train(
             f"{recipe} is of kind {kind}"
         )
     from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds
+    from fgnav_models.training.plan import cost_lines, planned  # noqa: PLC0415
 
-    with _watched(made_folder(out) / "train.log") as watch:
+    start_s = perf_counter()
+    with (
+        _watched(made_folder(out) / "train.log") as watch,
+        planned() if plan else nullcontext() as costs,
+    ):
         lines = trainer(
             Order(
                 recipe=recipe,
@@ -87,11 +97,14 @@ def train(
                 out=out,
                 scale=scale,
                 device=device,
-                deadline_s=perf_counter() + slice_s,
+                deadline_s=inf if plan else perf_counter() + slice_s,
                 watch=watch,
                 through=train_through,
+                plan=plan,
             )
         )
+    if costs is not None:
+        lines = cost_lines(costs, device, perf_counter() - start_s)
     if lines is None:
         lines = [f"not done after {slice_s:g} s: the same command with --resume goes on"]
     print("\n".join(lines))  # noqa: T201

@@ -10,6 +10,7 @@ import numpy as np
 from fgnav.checks import Loss
 from fgnav.types.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.types.vehicle import FinnedVehicle
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
@@ -20,6 +21,7 @@ from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.sensors import detector, inertial
 from fgnav_sim.sensors.surroundings import point, press
+from fgnav_sim.vehicle.tables import Vehicle
 
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
@@ -75,9 +77,9 @@ def simulate_many(
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
-        for k, ((settled, losses), (_, draws), stream) in enumerate(parts, start=first):
+        for k, ((settled, losses), (one, draws), stream) in enumerate(parts, start=first):
             flight = _sensed(settled, stream, _part(progress, k, len(rngs)))
-            flight = replace(flight, losses=losses + flight.losses)
+            flight = replace(flight, losses=losses + flight.losses, vehicle=_finned(one))
             yield Simulated(flight=flight, draws=draws)
 
 
@@ -90,6 +92,14 @@ def _moving(
     from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
 
     return take_off(scenarios, rngs)
+
+
+def _finned(scenario: Scenario) -> FinnedVehicle | None:
+    """Return what a flight states of its vehicle: that fins hold it in the air, if any do."""
+    flown = scenario.flown
+    if flown is None or not isinstance(flown.vehicle, Vehicle) or flown.vehicle.fins is None:
+        return None
+    return flown.vehicle.fins.stated()
 
 
 def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:

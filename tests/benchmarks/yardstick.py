@@ -146,7 +146,7 @@ def with_fault(flight: Flight, seed: int) -> tuple[Flight, str]:
         faulty, fault = dirty(flight, again)
         if not flight.fixes:
             break
-        moved_m = faulty.fixes.p_n_m - flight.fixes[0].p_n_m
+        moved_m = faulty.fixes[0].p_n_m - flight.fixes[0].p_n_m
         if not moved_m.any() or np.ptp(moved_m, axis=0).max() > 1e-6:
             break
     return faulty, fault

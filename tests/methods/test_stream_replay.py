@@ -18,6 +18,7 @@ from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude
 from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
+from fgnav_sim.motion import Straight
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
@@ -39,6 +40,14 @@ def every_second(made):
     return msgspec.structs.replace(made, fixes=FixesTable(rate_hz=1.0))
 
 
+def hovering(span_s):
+    """Return a drone that hovers, its heading by fixes of two antennas alone."""
+    made = scenario("drone", span_s)
+    still = msgspec.structs.replace(made.motion, path=Straight(speed_mps=0.01))
+    fixes = msgspec.structs.replace(made.fixes, rate_hz=1.0)
+    return msgspec.structs.replace(made, motion=still, baseline=None, fixes=fixes)
+
+
 # The body, what it carries, and a seed that nothing was chosen on.
 FLIGHTS = {
     "one antenna, satellites that rise, an outage": (
@@ -49,6 +58,8 @@ FLIGHTS = {
     "an array": (scenario("demo", 1.5), 41_005),
     "an array once a second": (scenario("demo", 6.0, rate_hz=1.0), 41_006),
     "an array and a gyroscope": (scenario("demo", 1.5, gyroscope=True), 41_007),
+    "a baseline and a gyroscope": (scenario("drone", 4.0), 41_014),
+    "a baseline and no gyroscope": (scenario("drone", 3.0, gyroscope=None), 41_015),
     "a landmark in sight": (scenario("terminal", 1.5, range_m=9000.0), 41_008),
 }
 
@@ -172,6 +183,7 @@ LONG = {
         41_013,
         going_on.KEPT_S,
     ),
+    "fixes of two antennas at rest": (hovering(50.0), 41_016, going_on.KEPT_S),
 }
 
 

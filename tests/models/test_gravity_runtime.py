@@ -9,9 +9,9 @@ from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.graph.custom import newest_keyframe
 from fgnav.graph.keys import Timeline, constant
-from fgnav.gravity import LowDynamics, gravity_named
+from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods import gravity_source, method_named
+from fgnav.methods import method_named
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
 from fgnav.neural.network import load_network
@@ -145,24 +145,17 @@ def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():
     assert any("their errors are alike" in loss.reason for loss in estimate.losses)
 
 
-def test_a_former_name_of_the_network_is_that_of_its_factor(caplog):
-    assert gravity_source(None, ("velocity",)) == (None, ("velocity",))
-    assert gravity_source("network", ("velocity",)) == (None, ("velocity", "gravity"))
-    assert gravity_source("network", ("gravity",)) == (None, ("gravity",))
-    assert "--factors gravity; this name goes with the next version" in caplog.text
-    found, _ = gravity_source("low-dynamics", ())
-    assert isinstance(found, LowDynamics)
-    with pytest.raises(BadInputError, match="gravity estimator 'up': not one of low-dynamics"):
-        gravity_named("up")
-
-
 def test_only_methods_that_use_gravity_are_given_it():
     estimator = LowDynamics()
     assert method_named("smoother", Truth(), estimator).gravity is estimator
     assert method_named("batch", Truth()).gravity is None
+    assert method_named("closed-form", Truth(), estimator).gravity is estimator
     assert method_named("rtk", Truth(), estimator).name == "rtk"
 
 
 def test_the_command_refuses_gravity_that_no_method_uses(capsys):
     assert main(["compare", "nowhere", "--method", "rtk", "--gravity", "low-dynamics"]) == 2
-    assert "--gravity: only smoother, forward, batch use it" in capsys.readouterr().err
+    assert (
+        "--gravity: only closed-form, closed-form-weighted, smoother, forward, batch use it"
+        in capsys.readouterr().err
+    )

@@ -30,8 +30,9 @@ WithoutKinds = Annotated[
     str,
     Parameter(
         help="Run each method also without these, one after another: phase, doppler, gnss, fixes, "
-        "gyroscope, inertial, seeker, barometer, magnetometer, networks (of flight.toml), "
-        "gravity (of --gravity), separated by commas; phase+doppler leaves both out together."
+        "gyroscope, inertial, line-of-sight, barometer, magnetometer, networks (of flight.toml), "
+        "gravity (of --gravity, of closed forms any), separated by commas; phase+doppler leaves "
+        "both out together."
     ),
 ]
 ReportFile = Annotated[
@@ -50,7 +51,10 @@ class SmootherOptions:
 
     gravity: Annotated[
         str | None,
-        Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
+        Parameter(
+            help="Source of gravity of smoothers and closed forms: low-dynamics, or an installed "
+            "one."
+        ),
     ] = None
     estimate: Annotated[
         str,

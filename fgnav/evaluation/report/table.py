@@ -144,6 +144,14 @@ def _errors(score: Score) -> list[str]:
         f"{name} {_figure(value)} {unit}" + ("" if nees is None else f" (NEES {nees:.2f} of 3)")
         for name, value, unit, nees in figures
         if value is not None
+    ] + [
+        f"{angle} of {one.name} {_figure(value)} deg"
+        for one in score.baselines
+        for angle, value in (
+            ("azimuth", one.azimuth_rmse_deg),
+            ("elevation", one.elevation_rmse_deg),
+        )
+        if value is not None
     ]
 
 

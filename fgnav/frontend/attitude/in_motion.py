@@ -105,6 +105,7 @@ class EarlierMotion(NamedTuple):
     R_level: FloatArray  # (3, 3), by which the first specific force points up
     R_ub: FloatArray  # (3, 3), of the first inertial sample that is kept
     windows: InMotion
+    without_motion_s: float = np.inf  # since when a heading is known without motion
 
     def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
         """Return what is needed of it by samples after a time, the first of which is at R_ub.

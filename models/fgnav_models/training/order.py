@@ -25,6 +25,7 @@ class Order:
     watch: Callable[[str, Progress], None]  # to be told what is trained and how it stands
     # ``"smoother"``: networks are trained on by what a smoother makes of them
     through: By = "alone"
+    plan: bool = False  # a few steps of each network in the place of all
 
 
 class Trainer(Protocol):

@@ -1,6 +1,7 @@
 """From a trained torch module to what the contract takes: ONNX, manifest and card, compared."""
 
 import platform
+import subprocess
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
@@ -16,9 +17,11 @@ from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.io.atomic_write import atomic_file, made_folder, write_text
-from fgnav.neural.manifest import Manifest, Origin, save_manifest
+from fgnav.neural.manifest import UNKNOWN, Manifest, Origin, save_manifest
 from fgnav.neural.network import load_network
+from fgnav.shipped import shipped
 from fgnav_models.training.contract import Release
+from fgnav_models.training.order import Order
 
 AGREEMENT = 1e-5  # onnxruntime against torch, of an output's root mean square
 _OPSET = 17
@@ -137,19 +140,58 @@ def _origin(manifest: Manifest) -> str:
         text += f"\nHalf-life of errors {output.half_life_s:g} s, of {share}."
     if origin is not None:
         made_with = ", ".join(f"{key} {value}" for key, value in origin.made_with.items())
-        text += f"\nSeed {origin.seed}; {made_with}. The recipe is in the manifest, "
-        text += f"{manifest.name}.json."
+        text += f"\n`{origin.command}`, commit {origin.commit}, seed {origin.seed}; {made_with}. "
+        text += f"The recipe is in the manifest, {manifest.name}.json."
     return text
 
 
-def made_with(seed: int, recipe: Mapping[str, object], metrics: Mapping[str, float]) -> Origin:
-    """Return what a network is made of, with this machine's versions."""
+def made_with(
+    seed: int,
+    recipe: Mapping[str, object],
+    metrics: Mapping[str, float],
+    order: Order | None = None,
+) -> Origin:
+    """Return what a network is made of, with this machine's versions, and the command's order."""
+    on_gpu = order is not None and order.device == "cuda"
     versions = {
+        "python": platform.python_version(),
         "torch": str(torch.__version__),
         "onnx": str(onnx.__version__),
-        "hardware": f"CPU {platform.machine()}",
+        "numpy": np.__version__,
+        "hardware": torch.cuda.get_device_name() if on_gpu else f"CPU {platform.machine()}",
     }
-    return Origin(recipe=dict(recipe), seed=seed, metrics=dict(metrics), made_with=versions)
+    return Origin(
+        recipe=dict(recipe),
+        seed=seed,
+        metrics=dict(metrics),
+        made_with=versions,
+        command=UNKNOWN if order is None else _command(order),
+        commit=_commit(),
+        scale=UNKNOWN if order is None else order.scale,
+    )
+
+
+def _command(order: Order) -> str:
+    """Return the command line of an order, a recipe that comes along by its name."""
+    along = order.recipe in shipped("fgnav_models", "recipes").values()
+    text = f"fgnav train {order.recipe.stem if along else order.recipe.name} --scale {order.scale}"
+    text += "" if order.device == "cpu" else f" --device {order.device}"
+    text += "" if order.through == "alone" else f" --train-through {order.through}"
+    return text + " --plan" * order.plan
+
+
+def _commit() -> str:
+    """Return the commit of this source, ``-dirty`` where files differ; unknown outside of git."""
+    file = Path(__file__)
+    answers = []
+    for arguments in (["ls-files", file.name], ["describe", "--always", "--dirty", "--exclude=*"]):
+        command = ["git", "-C", str(file.parent), *arguments]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+        except (OSError, subprocess.CalledProcessError):
+            return UNKNOWN
+        answers.append(done.stdout.strip())
+    return answers[1] if answers[0] else UNKNOWN  # not of a repository that merely lies around it
 
 
 def _words(name: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from fgnav.neural.manifest import Covariance, Output, Statistic
+from fgnav.neural.manifest import Covariance, Origin, Output, Statistic
 from fgnav_models.training.contract import Release, factor_input, manifest_of
 from fgnav_models.training.gravity.features import SAMPLES, SPAN_S, STEP_S, course_motion
 from fgnav_models.training.gravity.nets import GravityNet
@@ -87,6 +87,7 @@ def release_gravity(
     domain: tuple[Statistic, ...],
     metrics: Mapping[str, float],
     folder: Path,
+    origin: Origin | None = None,
 ) -> None:
     """Write the factor of a network, as ``training.release`` does.
 
@@ -116,7 +117,7 @@ def release_gravity(
         half_life_s=round(errors[0], 2),
         lasting=round(errors[1], 2),
     )
-    manifest = manifest_of(words, inputs[:seen], output, domain)
+    manifest = manifest_of(words, inputs[:seen], output, domain, origin)
     examples = [epochs.f_b_mps2, v_n_mps][:seen]
     release(GravityFactor(net), examples, manifest, words, metrics, folder)
 

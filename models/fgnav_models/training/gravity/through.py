@@ -15,11 +15,11 @@ import torch
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, NoSolutionError
 from fgnav.geometry.rotations import skew
+from fgnav.graph.correlation import inflation
 from fgnav.graph.factors.directions import across
 from fgnav.io.strict_toml import Positive
 from fgnav.methods.smoother import Batch
 from fgnav.neural import NeuralFactor
-from fgnav.neural.correlation import inflation
 from fgnav.types.flight import Flight
 from fgnav_models.training.gravity.features import course_motion, differenced, windows
 from fgnav_models.training.gravity.nets import GravityNet

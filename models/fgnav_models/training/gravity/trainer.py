@@ -29,8 +29,8 @@ from fgnav_models.training.gravity.through import (
 )
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.recipes import said, scaled
+from fgnav_models.training.release import made_with, markdown_table
 from fgnav_models.training.smoother.judging import compared, judged, report_rows, text
 from fgnav_models.training.train import train
 from fgnav_sim.data_sets.gravity import GravityEpochs
@@ -115,7 +115,7 @@ def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) ->
     rng = np.random.default_rng([seed, _TIME])
     wait_s = independent_after_s(net, recipe.world, recipe.training.followed, rng=rng)
     metrics = figures_of(net, apart) | {_WAIT: wait_s}
-    _release(net, flights, learned, recipe, metrics, order.out)
+    _release(net, flights, learned, recipe, metrics, order)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 
@@ -180,7 +180,7 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     if not trained.finished:
         raise SliceOver
     found = figures_of(net, flights(_TEST))
-    _release(net, flights, learned, recipe, found, folder)
+    _release(net, flights, learned, recipe, found, order, folder)
     unseen = flown(world, how.phases, how.held_out, how.duration_s, [seed, _HELD_OUT])
     through = Batch(factors=(NeuralFactor(folder / f"{name}.json"),))
     before, after = (judged(one, unseen) for one in (alone, through))
@@ -190,7 +190,7 @@ def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
         words, notes=words.notes | {"Trained through the smoother": text(both)}
     )
     learned = msgspec.structs.replace(learned, release=with_both)
-    _release(net, flights, learned, recipe, found, folder)
+    _release(net, flights, learned, recipe, found, order, folder)
     rows = report_rows(name, both)  # as text: an interval of few flights is none, which JSON lacks
     write_text(done, msgspec.json.encode(rows).decode() + "\n")
     return rows
@@ -219,15 +219,20 @@ def _release(
     learned: Learned,
     recipe: Recipe,
     metrics: dict[str, float],
-    folder: Path,
+    order: Order,
+    folder: Path | None = None,
 ) -> None:
     """Release a factor, how long its errors last measured on flights as smoothers have them."""
     words, how, rows = learned.release, recipe.training, Rows.of(flights(_TRAIN))
     seen = figures_of_windows(rows.f_b_mps2, rows.motion if net.aided else None)
     domain = how.domain(UNITS, {name: x.numpy() for name, x in seen.items()}, CALM)
     apart, seed = flights(_TEST), [recipe.seed, _FOLLOWED]
-    release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
+    made = ("world", "training", *(("through",) if order.through == "smoother" else ()))
+    content = {key: said(getattr(recipe, key)) for key in made} | {"aided": learned.aided}
+    origin = made_with(recipe.seed, content, metrics, order)
+    folder = folder or order.out
+    release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder, origin)
     followed = flown(recipe.world, PHASES, how.followed, recipe.through.duration_s, seed)
     found = calibration(folder / f"{words.name}.json", [(one, {}) for one in followed])
     errors = found.half_life_s, found.lasting
-    release_gravity(net, apart, words, errors, domain, metrics, folder)
+    release_gravity(net, apart, words, errors, domain, metrics, folder, origin)

@@ -118,7 +118,7 @@ def run(order: Order) -> list[str] | None:
     if trials is None:
         return None
     figures = judged(*scores(net, kept), kept)
-    _release(net, recipe, kept, figures, trials, _misfit(parts), order.out)
+    _release(net, recipe, kept, figures, trials, _misfit(parts), order)
     return [f"{name}: {value:.6g}" for name, value in figures.items()] + trials.split("\n")
 
 
@@ -239,7 +239,7 @@ def _release(
     figures: dict[str, float],
     trials: str,
     misfit: list[float],
-    folder: Path,
+    order: Order,
 ) -> None:
     content = {k: v for k, v in said(recipe).items() if k not in ("notes", "domain")}
     _, domain = words_and_figures({**recipe.domain, "misfit": misfit})
@@ -255,7 +255,7 @@ def _release(
         tuple(epoch_input(port, *sensor, window) for port, sensor, window in ports),
         integers_output("score", Covariance(form="posterior", name="none"), "outlier"),
         domain,
-        made_with(recipe.seed, content, figures),
+        made_with(recipe.seed, content, figures, order),
     )
     examples = [x[:256] for x in (samples.links, samples.is_present, samples.whole)]
-    release(net, examples, manifest, words, figures, folder)
+    release(net, examples, manifest, words, figures, order.out)
