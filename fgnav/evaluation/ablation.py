@@ -156,7 +156,6 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "doppler": _unmeasured("doppler_hz"),
     "gnss": _none("observations"),
     "fixes": _none("fixes"),
-    "baselines": _none("baselines"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
     "line-of-sight": _none("seeker"),

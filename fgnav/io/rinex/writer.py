@@ -110,8 +110,8 @@ def _epochs(
     values = np.where(np.abs(values) < 5e-4, np.copysign(1e-3, values), values)
     some = np.where(channels[:, :, None] < 0, np.nan, values[:, channels])  # (n, s, c, 4)
     lost = np.where(channels < 0, 0, flags[:, channels])
-    is_there = np.isfinite(some).any(axis=(2, 3)) | (lost > 0).any(axis=2)
-    epoch, satellite = np.nonzero(is_there)
+    is_measured = np.isfinite(some).any(axis=(2, 3)) | (lost > 0).any(axis=2)
+    epoch, satellite = np.nonzero(is_measured)
     some, lost = some[epoch, satellite], lost[epoch, satellite]
     text = ("%14.3f  " * some.size % tuple(some.ravel().tolist())).encode("ascii")
     fields = np.frombuffer(text, np.uint8).reshape(*some.shape, _FIELD).copy()
@@ -121,7 +121,7 @@ def _epochs(
     rows = [content[k : k + width].rstrip() for k in range(0, len(content), width)]
     labels = [names[k].encode("ascii") for k in satellite.tolist()]
     lines = [label + row + b"\n" for label, row in zip(labels, rows, strict=True)]
-    ends = np.cumsum(is_there.sum(axis=1)).tolist()
+    ends = np.cumsum(is_measured.sum(axis=1)).tolist()
     out = []
     for tick, begin, end in zip(ticks.tolist(), [0, *ends], ends, strict=False):
         date = " ".join(f"{part:02d}" for part in _date(tick)[:5])
