@@ -140,6 +140,12 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path):
     assert flight.fixes[0].antenna == "gps1"
 
 
+def test_a_vector_before_the_first_date_has_the_week_after_it(tmp_path):
+    (tmp_path / "rover.ubx").write_bytes(b"".join(relative(k) + pvt(k) for k in range(EPOCHS)))
+    _, flight = imported(tmp_path, "ubx", tmp_path / "rover.ubx")
+    np.testing.assert_allclose(flight.baselines[0].t_s, flight.fixes[0].t_s, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [

@@ -51,6 +51,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
     content = read_bytes(path)
     solution = Solution()
     others, size = _decoded(path, content, settings, solution)
+    solution.date_all()
     protocol, observations = _observations(path, others, settings, scratch, solution)
     kinds = _OBSERVED.get(protocol, set()) | _DECODED.get(protocol, set())
     for (of, number, name), count in others.items():
@@ -79,7 +80,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
     return Recording(
         source=path,
         tables=tables,
-        clock="week" if tables and solution.week_s is None else "gps",
+        clock="week" if tables and solution.date_s is None else "gps",
         gps_start_s=start_s,
         baseline_ends_at_fixes=bool(solution.baseline),  # of u-blox alone
         observations=observations[:1],
@@ -124,7 +125,7 @@ def _add_sentences(path: Path, texts: list[Any], settings: Settings, solution: S
         near_s = gps_seconds(path, settings.start)
     sentences.take(path, texts, near_s, stated)
     solution.counts += stated.counts
-    solution.week_s = solution.week_s or stated.week_s
+    solution.date_s = solution.date_s or stated.date_s
     solution.above_sea = stated.above_sea and not solution.place
     for name in ("place", "place_sigma", "heading"):
         binary, text = getattr(solution, name), getattr(stated, name)

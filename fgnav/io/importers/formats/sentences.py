@@ -48,7 +48,7 @@ def take(path: Path, sentences: Sequence[Any], near_s: float | None, into: Solut
         day = _date(one)
         days.append(None if day is None else day.toordinal() - _FIRST_DAY)
     gps_s = gps_of_utc(_unix_s(path, at_s, days, near_s))
-    into.week_s = 0.0  # every time has its date
+    into.date_s = float(np.nanmax(gps_s, initial=0.0))
     for one, t in zip(sentences, np.round(gps_s, 3).tolist(), strict=True):
         if not np.isfinite(t):
             into.counts[f"{one.msgID} sentence", "has no time"] += 1

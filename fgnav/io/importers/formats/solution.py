@@ -32,7 +32,7 @@ class Solution:
     heading: ByTime = field(default_factory=dict)  # heading, pitch, and their sigmas, deg
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     above_sea: bool = False  # whether heights lack the undulation
-    week_s: float | None = None  # start of the latest week that was stated
+    date_s: float | None = None  # latest GPS time that was stated with its week
 
     @property
     def times(self) -> list[float]:
@@ -41,7 +41,23 @@ class Solution:
 
     def time_of_week(self, seconds: float) -> float:
         """Return the GPS time nearest to the latest date; seconds alone where there was none."""
-        return round((self.week_s or 0.0) + seconds, 3)
+        if self.date_s is None:
+            return round(seconds, 3)
+        return round(_nearest_week(seconds, self.date_s), 3)
+
+    def date_all(self) -> None:
+        """Date what was stated before the first date."""
+        tables = (self.place, self.place_sigma, self.velocity, self.velocity_sigma)
+        tables += (self.baseline, self.heading)
+        first_s = min((t for table in tables for t in table if t >= WEEK_S), default=None)
+        for table in tables if first_s is not None else ():
+            for t in [t for t in table if t < WEEK_S]:
+                table[round(_nearest_week(t, first_s or 0.0), 3)] = table.pop(t)
+
+
+def _nearest_week(seconds: float, near_s: float) -> float:
+    """Return seconds of a week in the week in which they are nearest to a time."""
+    return seconds + WEEK_S * round((near_s - seconds) / WEEK_S)
 
 
 def fixes(solution: Solution, start_s: float) -> Samples:
@@ -93,9 +109,8 @@ def _ubx_pvt(one: Any, to: Solution) -> None:  # noqa: ANN401
     date = datetime(one.year, one.month, one.day, one.hour, one.min, tzinfo=UTC)
     utc_s = date.timestamp() + one.second + 1e-9 * one.nano
     gps_s = float(gps_of_utc(np.array([utc_s]))[0])
-    tow_s = one.iTOW * _MS
-    to.week_s = round((gps_s - tow_s) / WEEK_S) * float(WEEK_S)
-    t = to.time_of_week(tow_s)
+    to.date_s = gps_s
+    t = to.time_of_week(one.iTOW * _MS)
     to.place[t] = (one.lat, one.lon, one.height * _MM)
     to.place_sigma[t] = (one.hAcc * _MM, one.hAcc * _MM, one.vAcc * _MM)
     to.velocity[t] = (one.velN * _MM, one.velE * _MM, one.velD * _MM)
@@ -128,7 +143,7 @@ def _sbf(one: Any, to: Solution, kind: str) -> None:  # noqa: ANN401
     if one.Error or max(map(abs, x)) > _MOST:
         to.counts[f"{one.identity} block", f"has no {kind.replace('_', ' of a ')}"] += 1
         return
-    to.week_s = float(WEEK_S * one.WNc)
+    to.date_s = WEEK_S * one.WNc + one.TOW * _MS
     t = to.time_of_week(one.TOW * _MS)
     if kind == "place":
         to.place[t] = (*np.degrees(x[:2]).tolist(), x[2])
@@ -146,7 +161,7 @@ def _novatel(one: Log, to: Solution) -> None:
     if not one.is_computed:
         to.counts[f"NovAtel {one.number} log", "no solution was computed"] += 1
         return
-    to.week_s = 0.0  # every time has its date
+    to.date_s = one.gps_s
     t, x = round(one.gps_s, 3), one.fields
     if one.number == 42:
         to.place[t] = (x[0], x[1], x[2] + x[3])
