@@ -55,6 +55,14 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     missing = {key: text for one in recordings for key, text in one.missing.items()}
     start_s = _start(recordings, settings, missing)
     shifted = [_shifted(one, start_s, settings, missing) for one in recordings]
+    undated = [
+        one.source.name for one in recordings if one.clock == "own" and "fixes" in one.tables
+    ]
+    if len(undated) > 1:
+        missing["fixes"] = (
+            f"{', '.join(undated)} have clocks of their own: the first fix of each was laid on the "
+            "start. Where they share a clock, state start in [[csv]] of each"
+        )
     observations, navigation, orbits = (
         tuple(path for one in recordings for path in getattr(one, name))
         for name in ("observations", "navigation", "orbits")

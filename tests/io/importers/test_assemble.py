@@ -92,6 +92,12 @@ def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
     assert "imu.clock_offset_s" not in whole.missing
 
 
+def test_clocks_of_two_receivers_that_may_differ_are_said(tmp_path):
+    files = [fixes(tmp_path, clock="own"), fixes(tmp_path, clock="own")]
+    assert "have clocks of their own" in assemble(files, Settings()).missing["fixes"]
+    assert "fixes" not in assemble(files[:1], Settings()).missing
+
+
 def test_without_any_date_or_place_that_is_said(tmp_path):
     whole = assemble([unit(tmp_path, clock="own")], Settings())
     assert whole.flight.start_gps_s == 0

@@ -47,8 +47,8 @@ class Solution:
 
     def date_all(self) -> None:
         """Date what was stated before the first date."""
-        tables = (self.place, self.place_sigma, self.velocity, self.velocity_sigma)
-        tables += (self.baseline, self.heading)
+        tables = [self.place, self.place_sigma, self.velocity, self.velocity_sigma]
+        tables += [self.baseline, self.heading]
         first_s = min((t for table in tables for t in table if t >= WEEK_S), default=None)
         for table in tables if first_s is not None else ():
             for t in [t for t in table if t < WEEK_S]:
