@@ -32,15 +32,15 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev]'
 	@touch $(RUN) $@
 
-# The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as `fgnav demo`, a
-# batch, and pictures. One process: a second would compile the same kernels at the same time.
+# As `fgnav demo`, with pictures: the flight of the source paper by three methods, then what each kind of factor is worth.
 demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo
-	$(BIN)/fgnav simulate demo --seed 1 --out demo/flight
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda \
-	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
+	$(BIN)/fgnav simulate paper --seed 1 --out demo/flight
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method closed-form,rtk,smoother \
 	  --out demo --json demo/compare.json --report demo/report.png
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method smoother \
+	  --without baselines,gravity,line-of-sight,vehicle --json demo/worth.json
 
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests
 # find. Warnings of their kernel's own machinery aside. Then two workers: more gain nothing on a small machine, nor do

@@ -27,7 +27,7 @@ class Restricted:
         return replace(self.estimator(without(flight, self.without)), method=self.name)
 
 
-def restricted(name: str, estimator: Estimator, kinds: Sequence[str]) -> Restricted:
+def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  # noqa: ANN401
     """Return a method without some kinds of measurement, gravity among them where it takes it.
 
     Raises
@@ -40,13 +40,21 @@ def restricted(name: str, estimator: Estimator, kinds: Sequence[str]) -> Restric
     if len(measured) < len(kinds):
         if not has_gravity(estimator):
             raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
-        estimator = replace(estimator, gravity=None)  # type: ignore[type-var]  # has the field
+        others = tuple(one for one in estimator.factors or () if not _is_gravity(one))
+        estimator = replace(estimator, gravity=None, factors=others)
     return Restricted(name=name, estimator=estimator, without=measured)
 
 
-def has_gravity(estimator: Estimator) -> bool:
-    """Return True if a method has a source of gravity directions."""
-    return getattr(estimator, GRAVITY, None) is not None
+def has_gravity(estimator: Any) -> bool:  # noqa: ANN401  # an estimator
+    """Return True if a method has a source of gravity directions, or may ask the network."""
+    if not hasattr(estimator, "factors"):
+        return False
+    factors = estimator.factors
+    return estimator.gravity is not None or factors is None or any(map(_is_gravity, factors))
+
+
+def _is_gravity(source: Any) -> bool:  # noqa: ANN401  # a name or a network
+    return str(getattr(source, "name", source)).startswith(GRAVITY)
 
 
 def without(flight: Flight, kinds: Sequence[str]) -> Flight:
@@ -122,20 +130,38 @@ def _no_gyroscope(flight: Flight) -> Flight | None:
     return replace(flight, imu=replace(flight.imu, **lost))
 
 
+def _no_baselines(flight: Flight) -> Flight | None:
+    """Return a flight without receivers' baselines, and whose reference antenna is alone."""
+    observed = flight.observations
+    if observed is None or len(flight.antennas) < 2:
+        return replace(flight, baselines=()) if flight.baselines else None
+    of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
+    truth = flight.truth
+    return replace(
+        flight,
+        baselines=(),
+        antennas=flight.antennas[:1],
+        observations=replace(observed, **first),
+        truth=None if truth is None else replace(truth, integers=None),
+    )
+
+
 def _no_networks(flight: Flight) -> Flight | None:
     return replace(flight, networks=()) if flight.networks else None
 
 
 KINDS: dict[str, Callable[[Flight], Flight | None]] = {
+    "baselines": _no_baselines,
     "phase": _unmeasured("phase_cycles"),
     "doppler": _unmeasured("doppler_hz"),
     "gnss": _none("observations"),
     "fixes": _none("fixes"),
-    "baselines": _none("baselines"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
     "line-of-sight": _none("seeker"),
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
+    "vehicle": _none("vehicle"),
     "networks": _no_networks,
 }

@@ -38,8 +38,8 @@ class Options:
     ----------
     gravity : GravityEstimator or None
     estimate : tuple of str
-    factors : tuple of str
-        Names of installed sources of factors.
+    factors : tuple of str or None
+        Names of installed sources of factors; empty: none, not the gravity network either.
     solver : str or None
     causal : bool
         Of the smoother alone: the others are what they are.
@@ -50,7 +50,7 @@ class Options:
 
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
-    factors: tuple[str, ...] = ()
+    factors: tuple[str, ...] | None = None
     solver: str | None = None
     causal: bool = False
     noise: str | None = None
@@ -60,7 +60,7 @@ class Options:
         """Return the arguments of the method of that name."""
         if name not in WITH_GRAVITY:
             return {}
-        wanted: dict[str, object] = {"gravity": self.gravity, "factors": self.factors or None}
+        wanted: dict[str, object] = {"gravity": self.gravity, "factors": self.factors}
         if name in SMOOTHERS:
             wanted |= {
                 "estimate": self.estimate or None,

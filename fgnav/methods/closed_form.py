@@ -81,7 +81,7 @@ class ClosedForm:
         the velocity.
     gravity : GravityEstimator, "specific force" or None
         Source of gravity directions in body axes; with None there are no such pairs.
-    factors : tuple
+    factors : tuple or None
         As of ``Smoother``; networks that measure the direction of gravity are used.
     moves_forward : bool
         Let the velocity stand for the body's x axis. The paper integrates accelerations with a rate
@@ -97,7 +97,7 @@ class ClosedForm:
     resolver: Resolver = field(default_factory=default_resolver)
     weights: Literal["equal", "covariance"] = "equal"
     gravity: Gravity = "specific force"
-    factors: tuple[Any, ...] = ()
+    factors: tuple[Any, ...] | None = None
     moves_forward: bool = True
     name: str = "closed-form"
 
@@ -132,7 +132,9 @@ class ClosedForm:
             R_nb=R_nb,
             attitude_covariance_rad2=None if nose[keep].any() else covariance[keep],
             p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
             v_n_mps=motion.v_n_mps,
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=_unobservable(array, used) if rank == 1 else (),
             integers=None if array is None else array.integers,
             losses=(*losses, *lost),

@@ -13,6 +13,7 @@ from fgnav.checks import Loss
 from fgnav.frontend.matching import nearest, unused
 from fgnav.geometry.earth import Origin
 from fgnav.gravity import GravityDirection, GravityEstimator
+from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.own_sources import with_networks
 from fgnav.types.flight import Flight
 
@@ -21,7 +22,7 @@ Gravity: TypeAlias = GravityEstimator | Literal["specific force"] | None
 
 
 def direction_pairs(
-    flight: Flight, track: Track, gravity: Gravity, factors: tuple[Any, ...]
+    flight: Flight, track: Track, gravity: Gravity, factors: tuple[Any, ...] | None
 ) -> tuple[VectorPairs, tuple[Loss, ...]]:
     """Return pairs of gravity, specific force and line of sight at the epochs of a track.
 
@@ -46,12 +47,14 @@ def direction_pairs(
 
 
 def _directions_of_gravity(
-    flight: Flight, track: Track, gravity: Gravity, factors: tuple[Any, ...]
+    flight: Flight, track: Track, gravity: Gravity, factors: tuple[Any, ...] | None
 ) -> Iterator[GravityDirection]:
     if callable(gravity):
         yield gravity(flight)
-    if gravity is None or not (factors or flight.networks):
+    if gravity is None:
         return
+    if factors is None:
+        factors = default_networks(flight)[0]
     for source in with_networks(factors, flight.networks):
         answers = getattr(source, "directions", None)  # of networks
         direction = None if answers is None else answers(flight, track.t_s)

@@ -103,6 +103,14 @@ class NeuralFactor:
         name = f"lasting error of {self.name}"
         return (flight_constant(name, axes, "", 1.0, reported=False),)
 
+    def refusal(self, flight: Flight) -> str | None:
+        """Return why a flight cannot be asked: a record is missing, or comes at another rate."""
+        try:
+            self._records({**of_flight(flight), **self._given}, flight.name)
+        except BadInputError as error:
+            return str(error)
+        return None
+
     def add(self, sensor: str, record: Record) -> None:
         """Take samples of a sensor that a stream's measurements do not have, as they come."""
         self._check(sensor, record)

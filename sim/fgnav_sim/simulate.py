@@ -23,6 +23,7 @@ from fgnav_sim.sensors import detector, inertial
 from fgnav_sim.sensors.surroundings import point, press
 from fgnav_sim.vehicle.tables import Vehicle
 
+_STILL = 1e-6  # m/s and m per root second, of satellites without errors: far below any noise
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
 
@@ -203,15 +204,17 @@ def _orbits(
 
 def _noise(gnss: GnssTable) -> GnssNoise:
     """Return what estimators are told of a link: its noise and echoes from anywhere together."""
-    echoes = gnss.multipath
+    echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
+    rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(
         code_m=math.hypot(gnss.code_noise_m, echoes.code_m if echoes else 0.0),
         phase_m=math.hypot(gnss.phase_noise_m, echoes.phase_m if echoes else 0.0),
         doppler_mps=gnss.doppler_noise_mps,
         elevation_weights=gnss.elevation_weights,
         wind_up=gnss.wind_up,
-        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
-        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
+        message_errors=errs,
+        satellite_error_rate_mps=rate_mps if errs else _STILL,
+        satellite_error_walk_m_per_sqrt_s=walk if errs else _STILL,
     )
 
 

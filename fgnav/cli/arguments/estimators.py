@@ -42,7 +42,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     options = Options(
         gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
         estimate=_words(smoother.estimate),
-        factors=_words(smoother.factors),
+        factors=factors_named(smoother.factors),
         solver=smoother.solver,
         causal=smoother.causal,
         noise=smoother.noise,
@@ -53,7 +53,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     takers = {
         "--gravity": (options.gravity is not None, WITH_GRAVITY),
         "--estimate": (bool(options.estimate), SMOOTHERS),
-        "--factors": (bool(options.factors), WITH_GRAVITY),
+        "--factors": (options.factors is not None, WITH_GRAVITY),
         "--solver": (options.solver is not None, SMOOTHERS),
         "--noise": (options.noise is not None, SMOOTHERS),
         "--causal": (options.causal, ("smoother",)),
@@ -63,6 +63,12 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
         if is_given and not set(names) & set(taken_by):
             raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
     return [method_named(name, resolver, options=options) for name in names]
+
+
+def factors_named(text: str) -> tuple[str, ...] | None:
+    """Return the sources that ``--factors`` names: none of "none"; None where it names nothing."""
+    words = _words(text)
+    return () if words == ("none",) else words or None
 
 
 def ablated(

@@ -59,6 +59,7 @@ class GnssTable(Table, frozen=True, kw_only=True):
     doppler_noise_mps: float | None = None
     elevation_weights: ElevationWeights = _NOISE.elevation_weights
     wind_up: bool = _NOISE.wind_up
+    message_errors: bool = _NOISE.message_errors
     satellite_error_rate_mps: float = _NOISE.satellite_error_rate_mps
     satellite_error_walk_m_per_sqrt_s: float = _NOISE.satellite_error_walk_m_per_sqrt_s
     base: BaseTable | None = None

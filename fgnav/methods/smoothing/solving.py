@@ -132,8 +132,9 @@ def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: So
     """
     problem, opening = prepared.problem, _open(prepared)
     if opening is None:
-        return _End(_at_once(prepared, custom, solver), problem)
-    end = _about_headings(problem, opening, custom, solver)
+        end = _End(_at_once(prepared, custom, solver), problem)
+    else:
+        end = _about_headings(problem, opening, custom, solver)
     if not without_attitudes(prepared):
         return end
     measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
@@ -145,11 +146,11 @@ def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: So
 
 
 def _open(prepared: PreparedFlight) -> Opening | None:
-    """Return what all headings are tried about: where nothing measures attitudes; or None."""
+    """Return what all headings are tried about, of a flight that may not determine its own."""
     opening = prepared.opening
     if opening is not None:
         return opening if opening.until_s == np.inf else None
-    if not without_attitudes(prepared):
+    if not (prepared.rough and without_attitudes(prepared)):
         return None
     problem, imu = prepared.problem, prepared.imu
     R_nb = problem.start.R_nb
@@ -168,18 +169,28 @@ def _open(prepared: PreparedFlight) -> Opening | None:
 
 
 def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
-    problem = prepared.problem
-    if solver == "chain" or (without_attitudes(prepared) and not custom):
+    problem, is_open = prepared.problem, without_attitudes(prepared)
+    if solver == "chain" or is_open:
         # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
         from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
 
-        if without_attitudes(prepared):
-            return chain.solve_batch(problem)
-        return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
+        if not is_open:
+            return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
+        solution = chain.solve_batch(problem)
+        return _with_custom(problem, custom, solution) if custom else solution
     from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
 
     return solve_batch(problem, own=custom)
+
+
+def _with_custom(
+    problem: SmoothingProblem, custom: "tuple[OwnFactor, ...]", begin: Solution
+) -> Solution:
+    """Return the minimum with custom factors, which the chain does not know, next to its own."""
+    from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
+
+    return minimum(problem, custom, begin.states).solution
 
 
 def _about_headings(
@@ -191,11 +202,11 @@ def _about_headings(
     from fgnav.solve.minima import Minimum  # noqa: PLC0415
 
     def searched(conditioned: SmoothingProblem) -> "Minimum":
-        if custom:  # the chain knows none
+        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+        if custom:
             from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-            return minimum(conditioned, custom)
-        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+            return minimum(conditioned, custom, solution.states)
         return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
@@ -204,9 +215,7 @@ def _about_headings(
     if solver == "chain" or not custom:
         solution = chain.solve_batch(likeliest, begin=begin.states)
     else:
-        from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
-
-        solution = minimum(likeliest, custom, begin.states).solution
+        solution = _with_custom(likeliest, custom, begin)
     if is_observable:
         return _End(solution, likeliest)
     mixed = headings.mixed(solution)
