@@ -137,11 +137,12 @@ def _no_baselines(flight: Flight) -> Flight | None:
         return replace(flight, baselines=()) if flight.baselines else None
     of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
     first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
-    truth = flight.truth
+    truth, antenna = flight.truth, flight.antennas[0]
     return replace(
         flight,
+        fixes=tuple(one for one in flight.fixes if one.antenna == antenna.name),
         baselines=(),
-        antennas=flight.antennas[:1],
+        antennas=(antenna,),
         observations=replace(observed, **first),
         truth=None if truth is None else replace(truth, integers=None),
     )
