@@ -7,11 +7,10 @@ from time import perf_counter
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.evaluation.baselines import baseline_figures
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
-from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
+from fgnav.evaluation.scores import Angles, Errors, Score, baseline_figures, errors_against, score
 from fgnav.integers.arcs.reported import reported_arcs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected

@@ -16,7 +16,6 @@ _TRAINERS: Mapping[str, str] = {
     "trust": "fgnav_models.training.trust.trainer:run",
     "velocity": "fgnav_models.training.velocity.trainer:run",
 }
-_THROUGH_SMOOTHER = ("gravity",)  # kinds that know --train-through smoother
 _LOG_S = 10.0  # between lines of train.log
 
 
@@ -27,7 +26,6 @@ def train(
     out: Path,
     scale: Literal["smoke", "cpu", "paper"] = "cpu",
     device: Literal["cpu", "cuda"] = "cpu",
-    train_through: Literal["alone", "smoother"] = "alone",
     resume: bool = False,
     slice_s: float = 480.0,
     plan: bool = False,
@@ -49,9 +47,6 @@ def train(
         smoke (seconds), cpu (an hour on two cores) or paper (days without a GPU).
     device : str
         cpu, or cuda for one NVIDIA GPU.
-    train_through : str
-        alone, or smoother: trained on by the likelihood of the truth under a smoother's posterior,
-        and compared on held-out flights.
     resume : bool
         Go on with what the folder holds.
     slice_s : float
@@ -77,11 +72,6 @@ def train(
     content = read_toml(recipe)
     kind = content.pop("kind", None)
     trainer = _trainer(recipe, kind, device)
-    if train_through == "smoother" and kind not in _THROUGH_SMOOTHER:
-        raise BadInputError(
-            f"--train-through smoother: takes recipes of kind {', '.join(_THROUGH_SMOOTHER)}, "
-            f"{recipe} is of kind {kind}"
-        )
     from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds
     from fgnav_models.training.plan import cost_lines, planned  # noqa: PLC0415
 
@@ -99,7 +89,6 @@ def train(
                 device=device,
                 deadline_s=inf if plan else perf_counter() + slice_s,
                 watch=watch,
-                through=train_through,
                 plan=plan,
             )
         )

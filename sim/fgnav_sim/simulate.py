@@ -204,7 +204,7 @@ def _orbits(
 
 def _noise(gnss: GnssTable) -> GnssNoise:
     """Return what estimators are told of a link: its noise and echoes from anywhere together."""
-    echoes, errs = gnss.multipath, gnss.message_errors
+    echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
     rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(
         code_m=math.hypot(gnss.code_noise_m, echoes.code_m if echoes else 0.0),

@@ -1,10 +1,13 @@
 """Azimuth and elevation of a baseline: what two antennas determine, whatever turns about it."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.evaluation.baselines import baseline_angles, baseline_errors_rad, reported_baselines
+from fgnav.attitude.baseline_angles import baseline_angles, reported_baselines
+from fgnav.evaluation.comparison import compare
+from fgnav.evaluation.report.table import comparison_table
+from fgnav.evaluation.scores import baseline_errors_rad
 from fgnav.geometry.rotations import exp, from_euler
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Antenna, Flight, Truth
@@ -12,6 +15,15 @@ from tests.evaluation.conftest import MADRID
 
 N = 4000
 UNIT_B = np.array([0.6, 0.64, -0.48])
+
+
+@dataclass(frozen=True)
+class Given:
+    estimate: Estimate
+    name: str = "m"
+
+    def __call__(self, _):
+        return self.estimate
 
 
 def drawn(rng):
@@ -40,6 +52,13 @@ def test_angles_err_by_their_sigma_however_open_the_rotation_about_the_baseline_
     ratio = (errors / angles.sigma_rad).std(axis=0)
     np.testing.assert_allclose(ratio, 1.0, atol=4 / np.sqrt(2 * N))
     assert angles.sigma_rad.max() < 0.02
+    places = (np.zeros(3), 2.0 * UNIT_B)
+    antennas = tuple(Antenna(name=f"a{k}", position_b_m=place) for k, place in enumerate(places))
+    flight = Flight(name="f", start_gps_s=0.0, origin=MADRID, antennas=antennas, truth=truth)
+    comparison = compare(flight, [Given(replace(estimate, unobservable=("attitude",)))])
+    (figures,) = comparison["m"].score.baselines
+    assert abs(figures.nees_mean - 2.0) < 4 * np.sqrt(4 / N)
+    assert f"{figures.nees_mean:.2f} of 2" in "\n".join(comparison_table(comparison, 200))
 
 
 def test_antennas_in_a_line_have_one_and_others_none():

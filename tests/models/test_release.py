@@ -34,7 +34,6 @@ ORDER = Order(
     device="cpu",
     deadline_s=0.0,
     watch=print,
-    through="smoother",
 )
 
 
@@ -82,7 +81,7 @@ def test_a_release_loads_and_answers_like_torch(tmp_path):
         assert part in card
     origin = load(tmp_path / "toy.json").manifest.origin
     assert origin.recipe == {"steps": 3}
-    assert origin.command == "fgnav train mine.toml --scale smoke --train-through smoother"
+    assert origin.command == "fgnav train mine.toml --scale smoke"
     assert origin.command in card
     assert origin.made_with["torch"] == torch.__version__
 

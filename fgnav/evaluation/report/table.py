@@ -4,11 +4,10 @@ from collections import Counter
 from collections.abc import Iterable
 
 from fgnav.checks import Loss
-from fgnav.evaluation.baselines import BaselineFigures
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.report.blocks import NONE
-from fgnav.evaluation.scores import EULER, Angles, Score, open_heading_spans_s
+from fgnav.evaluation.scores import EULER, Angles, BaselineFigures, Score, open_heading_spans_s
 from fgnav.types.estimate import Rejected, Verdict
 
 _MOST_LINES = 8
@@ -288,8 +287,9 @@ def _score_row(score: Score, *, is_judged: bool) -> list[str]:
 
 def _attitude_nees(score: Score) -> str:
     """Return the NEES of three angles, or of the direction of antennas in a line."""
-    if score.attitude_nees_mean is None and score.line_nees_mean is not None:
-        return f"{score.line_nees_mean:.2f} of 2"
+    nees = next((one.nees_mean for one in score.baselines), None)
+    if score.attitude_nees_mean is None and nees is not None:
+        return f"{nees:.2f} of 2"
     return _figure(score.attitude_nees_mean, digits=2)
 
 

@@ -67,7 +67,10 @@ def antenna_motion(
     if by is None:
         return _of_fixes(flight, imu, start.t_s)
     first, *others = (_of_record(one, imu, start) for one in by.antennas)
-    return reduce(partial(_completed_by, start=start), others, first)
+    motion = reduce(partial(_completed_by, start=start), others, first)
+    count = sum(len(one.t_s) for one in flight.fixes)
+    instead = (Loss(what="fix", reason="raw observations are used instead", count=count),)
+    return replace(motion, losses=motion.losses + (instead if count else ()))
 
 
 def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:

@@ -26,6 +26,7 @@ from fgnav_models.training.order import Order
 AGREEMENT = 1e-5  # onnxruntime against torch, of an output's root mean square
 _OPSET = 17
 _EXAMPLES = 2000  # of those given
+_FLOATS = (TensorProto.FLOAT, TensorProto.DOUBLE)
 _HALVED_FROM = 256  # numbers; smaller tensors (biases, scales) keep float32
 
 
@@ -56,7 +57,7 @@ def release(
     folder : Path
         Made if absent.
     half : bool
-        Store large weights as float16; it still computes in float32. The parameters of ``module``
+        Store large weights as float16; it still computes as before. The parameters of ``module``
         are rounded so; its buffers are not.
 
     Raises
@@ -176,7 +177,6 @@ def _command(order: Order) -> str:
     along = order.recipe in shipped("fgnav_models", "recipes").values()
     text = f"fgnav train {order.recipe.stem if along else order.recipe.name} --scale {order.scale}"
     text += "" if order.device == "cpu" else f" --device {order.device}"
-    text += "" if order.through == "alone" else f" --train-through {order.through}"
     return text + " --plan" * order.plan
 
 
@@ -274,15 +274,15 @@ def _halved(content: bytes) -> bytes:
     casts = []
     for tensor in graph.initializer:
         values = numpy_helper.to_array(tensor)
-        if tensor.data_type != TensorProto.FLOAT or values.size < _HALVED_FROM:
+        if tensor.data_type not in _FLOATS or values.size < _HALVED_FROM:
             continue
         with np.errstate(over="ignore"):
             halves = values.astype(np.float16)
         if (halves != values).any():  # a constant that was not rounded: input scales, tables
             continue
-        name = tensor.name
+        name, wide = tensor.name, tensor.data_type
         tensor.CopyFrom(numpy_helper.from_array(halves, f"{name}.half"))
-        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=TensorProto.FLOAT))
+        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=wide))
     nodes = [*casts, *graph.node]
     del graph.node[:]
     graph.node.extend(nodes)

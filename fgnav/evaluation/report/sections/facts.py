@@ -27,6 +27,7 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 def method_table(comparison: Comparison) -> Blocks:
     """Return the table of the methods and their differences, and below it the bounds."""
     heads, rows = score_table(comparison)
+    apart = "; below, RMS differences of methods" if comparison.differences else ""
     columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
@@ -36,7 +37,7 @@ def method_table(comparison: Comparison) -> Blocks:
         )
     ]
     return (
-        table(columns, rows, f"{WHAT[comparison.judged_by]}, {comparison.epochs} epochs")
+        table(columns, rows, f"{WHAT[comparison.judged_by]}{apart}, {comparison.epochs} epochs")
         + [
             block
             for what, own in bounds

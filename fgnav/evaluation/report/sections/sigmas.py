@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from fgnav.attitude.baseline_angles import baseline_angles, reported_baselines
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import FloatArray
-from fgnav.evaluation.baselines import baseline_angles, reported_baselines
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.report.blocks import Blocks, grid, paragraph, table
 from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, decades, log10, nested
