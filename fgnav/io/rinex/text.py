@@ -11,6 +11,8 @@ from fgnav.checks import BadInputError
 from fgnav.io.user_files import read_bytes
 
 Bytes = NDArray[np.uint8]
+_MOST_CUT_LINES = 200  # of an epoch: a line a satellite
+_CUT = b">" + b" " * 17 + b". cut\n"  # stands where an epoch begins, of any version, and is none
 _BLANK_LINES = re.compile(rb"\A(?:[ \t]*\r?\n)+")
 
 
@@ -41,19 +43,24 @@ def read_text(path: Path) -> Bytes:
 
 
 def _plain(path: Path, content: bytes) -> bytes:
-    """Undo Hatanaka's compression; its warnings tell of lost data, so they are errors too."""
+    """Undo Hatanaka's compression, of a file that is cut up to its last whole epoch.
+
+    Its warnings tell of lost data, so they are errors too.
+    """
     from hatanaka import crx2rnx  # noqa: PLC0415  # lazy: looks for its program when imported
 
-    # A record cut in its middle passes the unpacker with its last line missing.
-    if not content.endswith(b"\n"):
-        raise BadInputError(
-            f"{path}: must end with a line end, the last line is cut; fetch it again"
-        )
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)
-            plain: bytes = crx2rnx(content)
-    except (RuntimeError, ValueError, UserWarning) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise BadInputError(f"{path}: damaged Hatanaka file, {reason}; fetch it again") from error
-    return plain
+    lines = content.splitlines(keepends=True)
+    is_cut = not content.endswith(b"\n")  # differences: what is left of a number is another one
+    for _ in range(_MOST_CUT_LINES):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", UserWarning)
+                plain: bytes = crx2rnx(b"".join(lines[: len(lines) - is_cut]))
+            return plain + (_CUT if is_cut else b"")
+        except (RuntimeError, ValueError, UserWarning) as error:
+            reason = " ".join(str(error).split())[:200]
+            if "truncated" not in reason:
+                break
+            lines = lines[: len(lines) - is_cut]
+            is_cut = True
+    raise BadInputError(f"{path}: damaged Hatanaka file, {reason}; fetch it again")
