@@ -67,17 +67,17 @@ def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[st
     UnknownFormatError
         If nothing tells its format: the text lists what there is.
     """
-    if (path / "metadata.yaml").is_file():
-        return format or "rosbag", path
     file = plain(path, scratch)
-    name = format or _format(file)
+    name = format or ("rosbag" if file.is_dir() else _format(file))
     return name, path if name in _TAKEN_PACKED else file
 
 
 def plain(path: Path, scratch: Path) -> Path:
     """Return a file, or where it is packed what it holds, unpacked into a folder."""
-    if path.is_dir():
+    if (path / "metadata.yaml").is_file():  # a bag of ROS 2
         return path
+    if path.is_dir():
+        raise BadInputError(f"{path}: is a folder, and no bag; name the files in it")
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
     with path.open("rb") as stream:

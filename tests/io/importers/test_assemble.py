@@ -166,6 +166,7 @@ def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
     assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state it by" in line
     assert "state it by --format, one of csv, " in line
     assert "nowhere: no such file" in refused(capsys, tmp_path, tmp_path / "nowhere")
+    assert "is a folder, and no bag; name the files" in refused(capsys, tmp_path, tmp_path)
     assert main(["import", "--out", str(tmp_path / "none")]) == 2
     assert "name a file to import" in capsys.readouterr().err
 
