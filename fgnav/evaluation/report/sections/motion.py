@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fgnav.attitude.baseline_angles import azimuth_elevation, reported_baselines
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
@@ -40,6 +41,7 @@ class _States:
     mark: str
     name: str
     t_s: FloatArray
+    R_nb: FloatArray
     euler_deg: FloatArray
     v_n_mps: FloatArray | None
     p_n_m: FloatArray | None
@@ -53,7 +55,14 @@ def motion_charts(
     states = list(_states(flight, methods, marks))
     if not states:
         return []
-    charts = [_angle(states, k, name, time).drawing() for k, name in enumerate(EULER)]
+    of_angles = {
+        name: [(one, one.euler_deg[:, k]) for one in states] for k, name in enumerate(EULER)
+    }
+    for name, unit_b in reported_baselines(flight).items():
+        angles = [(one, np.degrees(azimuth_elevation(one.R_nb @ unit_b))) for one in states]
+        for k, angle in enumerate(("azimuth", "elevation")):
+            of_angles[f"{angle}, {name}"] = [(one, values[:, k]) for one, values in angles]
+    charts = [_angle(of, name, time).drawing() for name, of in of_angles.items()]
     for k, name in enumerate(("north", "east", "down")):
         of = [(s, s.v_n_mps[:, k]) for s in states if s.v_n_mps is not None]
         charts += _series(f"velocity {name}", "m/s", of, time)
@@ -140,6 +149,7 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
             mark=_FIXES,
             name=f"fixes of {fixes.antenna}",
             t_s=fixes.t_s,
+            R_nb=np.full((len(fixes.t_s), 3, 3), np.nan),
             euler_deg=np.full((len(fixes.t_s), 3), np.nan),
             v_n_mps=fixes.v_n_mps,
             p_n_m=fixes.p_n_m,
@@ -156,6 +166,7 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
             mark=marks[method.name],
             name=method.name,
             t_s=estimate.t_s,
+            R_nb=estimate.R_nb,
             euler_deg=euler_deg,
             v_n_mps=None if "velocity" in open_ else estimate.v_n_mps,
             p_n_m=None if "position" in open_ else estimate.p_n_m,
@@ -166,6 +177,7 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
             mark=TRUTH,
             name="truth",
             t_s=truth.t_s,
+            R_nb=truth.R_nb,
             euler_deg=np.degrees(to_euler(truth.R_nb)),
             v_n_mps=truth.v_n_mps,
             p_n_m=truth.p_n_m,
@@ -190,9 +202,8 @@ def _roughness(y: FloatArray) -> float:
     return float(np.median(finite)) if len(finite) else 0.0
 
 
-def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
+def _angle(of: list[tuple[_States, FloatArray]], name: str, time: Axis) -> Chart:
     lines = []
-    of = [(one, one.euler_deg[:, k]) for one in states]
     shown = [(one, y) for one, y in of if np.isfinite(y).any()]
     for one, angle_deg, width in _behind(shown):
         continuous_deg = unjumped_deg(angle_deg)
