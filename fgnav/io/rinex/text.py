@@ -50,6 +50,7 @@ def _plain(path: Path, content: bytes) -> bytes:
     from hatanaka import crx2rnx  # noqa: PLC0415  # lazy: looks for its program when imported
 
     lines = content.splitlines(keepends=True)
+    reason = ""
     is_cut = not content.endswith(b"\n")  # differences: what is left of a number is another one
     for _ in range(_MOST_CUT_LINES):
         try:

@@ -189,6 +189,19 @@ def novatel_ascii():
     return out
 
 
+def test_a_cut_file_is_read_to_its_last_whole_epoch(tmp_path):
+    content = sbf()
+    last = content.rindex(
+        b"$@", 0, len(content) - 200
+    )  # of the last epoch its place alone is whole
+    (tmp_path / "rover.sbf").write_bytes(content[: last + 30])
+    whole, flight = imported(tmp_path, "sbf", tmp_path / "rover.sbf")
+    assert len(flight.fixes[0].t_s) == EPOCHS - 1
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m, [SIGMA] * (EPOCHS - 1), rtol=1e-6)
+    lost = {one.reason: one.count for one in whole.flight.losses}
+    assert lost["has no sigma, as most have"] == 1
+
+
 @pytest.mark.parametrize("make", [novatel, novatel_ascii])
 def test_novatel_gives_fixes_velocities_and_headings(tmp_path, make):
     (tmp_path / "rover.gps").write_bytes(make())

@@ -16,7 +16,6 @@ from fgnav.io.importers.recording import Samples, samples
 
 _MM, _CM, _MS = 1e-3, 1e-2, 1e-3
 _MOST = 1e9  # SBF writes -2e10 where it has no value
-Block: TypeAlias = tuple[tuple[str, ...], FloatArray]
 ByTime: TypeAlias = dict[float, tuple[float, ...]]  # GPS seconds since 1980-01-06, to the ms
 
 
@@ -61,41 +60,45 @@ def _nearest_week(seconds: float, near_s: float) -> float:
 
 
 def fixes(solution: Solution, start_s: float) -> Samples:
-    """Return the fixes of a solution; what not every fix has is counted and left out."""
+    """Return the fixes of a solution; those without what most have are counted and left out."""
     t = sorted(solution.place)
-    blocks: list[Block] = [(col.PLACE, _rows(solution.place, t))]
-    groups: tuple[tuple[str, tuple[str, ...], ByTime], ...] = (
-        ("sigma of a fix", col.POSITION_SIGMA, solution.place_sigma),
+    kept: list[tuple[tuple[str, ...], ByTime]] = [(col.PLACE, solution.place)]
+    for what, names, by_time in (
+        ("sigma", col.POSITION_SIGMA, solution.place_sigma),
         ("velocity", col.VELOCITY, solution.velocity),
-        ("sigma of a velocity", col.VELOCITY_SIGMA, solution.velocity_sigma),
-    )
-    for what, names, by_time in groups:
-        alone = len(by_time.keys() - solution.place.keys())
-        solution.counts[what, "of no fix's time"] += alone
-        some = len(by_time) - alone
-        needed = names != col.VELOCITY_SIGMA or (len(blocks) > 1 and blocks[-1][0] == col.VELOCITY)
-        if some == len(t) and needed:
-            blocks.append((names, _rows(by_time, t)))
-        elif some:
-            solution.counts[what, "not every fix has one"] += some
-    return samples(np.array(t) - start_s, *blocks)
+        ("sigma of velocity", col.VELOCITY_SIGMA, solution.velocity_sigma),
+    ):
+        some = [one for one in t if one in by_time]
+        solution.counts[what, "of no fix's time"] += len(by_time) - len(some)
+        is_needed = names != col.VELOCITY_SIGMA or kept[-1][0] == col.VELOCITY
+        if _are_most(len(some), len(t)) and is_needed:
+            solution.counts["fix", f"has no {what}, as most have"] += len(t) - len(some)
+            t = some
+            kept.append((names, by_time))
+        else:
+            solution.counts[what, "most fixes have none"] += len(some)
+    return samples(np.array(t) - start_s, *((names, _rows(of, t)) for names, of in kept))
 
 
 def baseline(solution: Solution, start_s: float) -> Samples:
-    """Return baselines as vectors, else as headings, with pitch and sigmas where all have them."""
-    t = solution.times
+    """Return baselines as vectors, else as headings, with the pitch and sigmas that most have."""
+    t = np.array(solution.times)
     if solution.baseline:
-        x = _rows(solution.baseline, t)
-        if solution.heading:
-            solution.counts["heading", "a baseline has it, too"] += len(solution.heading)
-        return samples(
-            np.array(t) - start_s, (col.BASELINE, x[:, :3]), (col.POSITION_SIGMA, x[:, 3:])
-        )
-    x = _rows(solution.heading, t)
-    is_stated: BoolArray = np.asarray(np.isfinite(x).all(axis=0))
+        x = _rows(solution.baseline, t.tolist())
+        solution.counts["heading", "a baseline has it, too"] += len(solution.heading)
+        return samples(t - start_s, (col.BASELINE, x[:, :3]), (col.POSITION_SIGMA, x[:, 3:]))
+    x = _rows(solution.heading, t.tolist())
+    is_stated: BoolArray = np.asarray(np.isfinite(x))
+    columns = [0, *(k for k in (1, 2, 3) if _are_most(is_stated[:, k].sum(), len(t)))]
+    whole = is_stated[:, columns].all(axis=1)
+    reason = "has no pitch or sigma, as most have"
+    solution.counts["heading", reason] += int((~whole).sum())
     names = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
-    blocks = [(name, x[:, [k]]) for k, name in enumerate(names) if is_stated[k] or k == 0]
-    return samples(np.array(t) - start_s, *blocks)
+    return samples(t[whole] - start_s, *((names[k], x[whole][:, [k]]) for k in columns))
+
+
+def _are_most(count: int, of: int) -> bool:
+    return 2 * count > of
 
 
 def _rows(by_time: ByTime, times: list[float]) -> FloatArray:
