@@ -6,6 +6,7 @@ goes nose first. Each gives the angle about the vertical from where the places w
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.stats import norm
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_by_fixes
 from fgnav.attitude.receiver_baselines import (
+    KNOWN_RAD,
     SHORTEST_M,
     BodyBaseline,
     body_baseline,
@@ -43,17 +45,21 @@ class _Turn(NamedTuple):
 
 
 def baseline_findings(flight: Flight) -> Iterator[Finding]:
-    """Yield what contradicts the places of antennas of each baseline, and of pairs of fixes."""
+    """Yield what contradicts the places of antennas of each baseline, and of pairs of fixes.
+
+    Fixes of two receivers may be apart by errors that neither states: of them nothing is certain.
+    """
     differences = [] if flight.observations is not None else [*fix_baselines(flight)]
     for of in (*flight.baselines, *differences):
         if len(of.t_s) < _FEWEST:
             continue
-        where = "[[baseline]] antennas" if of in flight.baselines else "[[fixes]] antenna"
+        is_given = of in flight.baselines
+        where = "[[baseline]] antennas" if is_given else "[[fixes]] antenna"
         finding = _length_finding(flight, of, where)
         if finding is None and np.linalg.norm(stated_vector_b_m(flight, of)) > SHORTEST_M:
             finding = _turn_finding(flight, body_baseline(flight, of), where)
         if finding is not None:
-            yield finding
+            yield replace(finding, certain=finding.certain and is_given)
 
 
 def _length_finding(flight: Flight, of: Baseline, where: str) -> Finding | None:
@@ -80,6 +86,8 @@ def _length_finding(flight: Flight, of: Baseline, where: str) -> Finding | None:
 
 def _turn_finding(flight: Flight, one: BodyBaseline, where: str) -> Finding | None:
     """Return an angle that neither chance nor a tape explains, by the first that tells it."""
+    if np.median(one.variance_rad2) > KNOWN_RAD**2:
+        return None
     turn = next(_turns(flight, one), None)
     if turn is None or abs(turn.angle_rad) < max(_SIGMAS * turn.sigma_rad, _LEAST_RAD):
         return None
