@@ -24,6 +24,7 @@ from fgnav.attitude.receiver_baselines import (
 from fgnav.diagnostics.contents import Finding
 from fgnav.diagnostics.windows import FALSE_ALARM
 from fgnav.frontend.attitude.in_motion import in_motion_smoothed
+from fgnav.frontend.matching import nearest
 from fgnav.geometry.interpolation import interpolate
 from fgnav.types.flight import Baseline, Flight
 
@@ -115,11 +116,8 @@ def _turns(flight: Flight, one: BodyBaseline) -> Iterator[_Turn]:
     if fixes is None:
         return
     track = track_by_fixes(fixes, flight.antenna(fixes.antenna))
-    for turn in (
-        _by_motion(flight, one, track),
-        _by_force(flight, one, track),
-        _by_course(one, track),
-    ):
+    for turn_by in (_by_motion, _by_force, _by_course):
+        turn = turn_by(flight, one, track)
         if turn is not None:
             yield turn
 
@@ -169,7 +167,9 @@ def _by_force(flight: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     if "specific force" not in pairs.sources or one.of.measured == "heading":
         return None
     k = pairs.sources.index("specific force")
-    e_n = interpolate(track.t_s, one.of.t_s, one.of.vector_n_m)
+    row, _ = nearest(one.of.t_s, track.t_s)
+    is_near = np.abs(one.of.t_s[row] - track.t_s) <= np.median(np.diff(one.of.t_s)) / 2
+    e_n = np.where(is_near[:, None], one.of.vector_n_m[row], np.nan)
     along_n = np.einsum("ki,ki->k", pairs.v_n[:, k], e_n)
     along_b = pairs.v_b[:, k] @ one.vector_b_m
     valid = np.isfinite(along_n + along_b)
@@ -184,7 +184,7 @@ def _by_force(flight: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     return _Turn(np.pi if slope < 0 else 0.0, sigma, by)
 
 
-def _by_course(one: BodyBaseline, track: Track) -> _Turn | None:
+def _by_course(_: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     """Return the angle from the course of a vehicle that keeps going in one direction."""
     if track.v_n_mps is None:
         return None
