@@ -6,6 +6,7 @@ goes nose first. Each gives the angle about the vertical from where the places w
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.stats import norm
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_by_fixes
 from fgnav.attitude.receiver_baselines import (
+    KNOWN_RAD,
     SHORTEST_M,
     BodyBaseline,
     body_baseline,
@@ -22,6 +24,7 @@ from fgnav.attitude.receiver_baselines import (
 from fgnav.diagnostics.contents import Finding
 from fgnav.diagnostics.windows import FALSE_ALARM
 from fgnav.frontend.attitude.in_motion import in_motion_smoothed
+from fgnav.frontend.matching import nearest
 from fgnav.geometry.interpolation import interpolate
 from fgnav.types.flight import Baseline, Flight
 
@@ -43,17 +46,21 @@ class _Turn(NamedTuple):
 
 
 def baseline_findings(flight: Flight) -> Iterator[Finding]:
-    """Yield what contradicts the places of antennas of each baseline, and of pairs of fixes."""
+    """Yield what contradicts the places of antennas of each baseline, and of pairs of fixes.
+
+    Fixes of two receivers may be apart by errors that neither states: of them nothing is certain.
+    """
     differences = [] if flight.observations is not None else [*fix_baselines(flight)]
     for of in (*flight.baselines, *differences):
         if len(of.t_s) < _FEWEST:
             continue
-        where = "[[baseline]] antennas" if of in flight.baselines else "[[fixes]] antenna"
+        is_given = of in flight.baselines
+        where = "[[baseline]] antennas" if is_given else "[[fixes]] antenna"
         finding = _length_finding(flight, of, where)
         if finding is None and np.linalg.norm(stated_vector_b_m(flight, of)) > SHORTEST_M:
             finding = _turn_finding(flight, body_baseline(flight, of), where)
         if finding is not None:
-            yield finding
+            yield replace(finding, certain=finding.certain and is_given)
 
 
 def _length_finding(flight: Flight, of: Baseline, where: str) -> Finding | None:
@@ -80,6 +87,8 @@ def _length_finding(flight: Flight, of: Baseline, where: str) -> Finding | None:
 
 def _turn_finding(flight: Flight, one: BodyBaseline, where: str) -> Finding | None:
     """Return an angle that neither chance nor a tape explains, by the first that tells it."""
+    if np.median(one.variance_rad2) > KNOWN_RAD**2:
+        return None
     turn = next(_turns(flight, one), None)
     if turn is None or abs(turn.angle_rad) < max(_SIGMAS * turn.sigma_rad, _LEAST_RAD):
         return None
@@ -107,11 +116,8 @@ def _turns(flight: Flight, one: BodyBaseline) -> Iterator[_Turn]:
     if fixes is None:
         return
     track = track_by_fixes(fixes, flight.antenna(fixes.antenna))
-    for turn in (
-        _by_motion(flight, one, track),
-        _by_force(flight, one, track),
-        _by_course(one, track),
-    ):
+    for turn_by in (_by_motion, _by_force, _by_course):
+        turn = turn_by(flight, one, track)
         if turn is not None:
             yield turn
 
@@ -161,7 +167,9 @@ def _by_force(flight: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     if "specific force" not in pairs.sources or one.of.measured == "heading":
         return None
     k = pairs.sources.index("specific force")
-    e_n = interpolate(track.t_s, one.of.t_s, one.of.vector_n_m)
+    row, _ = nearest(one.of.t_s, track.t_s)
+    is_near = np.abs(one.of.t_s[row] - track.t_s) <= np.median(np.diff(one.of.t_s)) / 2
+    e_n = np.where(is_near[:, None], one.of.vector_n_m[row], np.nan)
     along_n = np.einsum("ki,ki->k", pairs.v_n[:, k], e_n)
     along_b = pairs.v_b[:, k] @ one.vector_b_m
     valid = np.isfinite(along_n + along_b)
@@ -176,7 +184,7 @@ def _by_force(flight: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     return _Turn(np.pi if slope < 0 else 0.0, sigma, by)
 
 
-def _by_course(one: BodyBaseline, track: Track) -> _Turn | None:
+def _by_course(_: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
     """Return the angle from the course of a vehicle that keeps going in one direction."""
     if track.v_n_mps is None:
         return None
