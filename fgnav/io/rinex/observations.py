@@ -75,7 +75,9 @@ def to_observations(
     losses += _events(header, body, lines, epochs[~measured])
     losses += _missing_end(header, epochs[kept, 0])
     count = into.taken[0]
-    used = np.flatnonzero(kept[into.records[:count, 0]])
+    used: slice | IntArray = slice(count)  # a view, where all are kept
+    if not kept[measured].all():
+        used = np.flatnonzero(kept[into.records[:count, 0]])
     records, signals = into.records[used], into.signals[used]
     losses += _unused_types(header, choice, into.tally, int((into.values[:count, :, 0] != 0).sum()))
     ticks = epochs[kept, 0] + _time_shift(header, epochs[kept, 0])
