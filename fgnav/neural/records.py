@@ -55,7 +55,7 @@ def of_flight(flight: Flight) -> dict[str, Record]:
 
     Velocities are those of the fixes, or else of the reference antenna by Doppler.
     """
-    imu, fixes, found = flight.imu, flight.fixes, {}
+    imu, fixes, found = flight.imu, flight.first_fixes, {}
     if imu is not None:
         found["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
         if imu.w_b_radps is not None:

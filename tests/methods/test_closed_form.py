@@ -171,7 +171,9 @@ def test_a_single_antenna_is_placed_by_its_code():
 
 def test_a_flight_that_shows_no_vector_is_no_solution():
     flight = flown(fixes=FIXES)
-    still = replace(flight, fixes=replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None))
+    still = replace(
+        flight, fixes=(replace(flight.fixes[0], v_n_mps=None, velocity_sigma_mps=None),)
+    )
     with pytest.raises(NoSolutionError, match="attitude: no vector at any of 50 ep"):
         ClosedForm()(still)
 

@@ -98,9 +98,9 @@ def test_a_spin_that_nobody_tells_is_solved_from_where_it_seems_not_to_turn(
 def test_a_minimum_counts_where_it_explains_what_was_measured():
     """The very same search, the noise stated three times too small."""
     flight = first_half(2)
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     loud = dataclasses.replace(
-        flight, fixes=dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3)
+        flight, fixes=(dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3),)
     )
     assert Batch(noise="stated")(flight).converged
     estimate = shared(Batch(noise="stated"), loud)
