@@ -21,7 +21,7 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_fit import Fit, Links, least_squares, log_odds, mixture
 
 POSTERIOR = 0  # feature: log posterior of a candidate by the mixture, which the network corrects
-OUTLIER = 0.5  # a link more likely than this to be worse than stated is not fixed
+OUTLIER = 0.95  # a link more likely than this to be worse than stated is not fixed
 CANDIDATE_FEATURES, EPOCH_FEATURES = 22, 9
 FEATURES = CANDIDATE_FEATURES + EPOCH_FEATURES
 _LARGEST = 30.0  # of whitened residuals and of differences of costs and log weights

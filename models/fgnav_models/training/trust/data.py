@@ -37,11 +37,11 @@ class Draw(Table, frozen=True):
     satellites: tuple[int, int] = (4, 24)  # of all constellations together, two of each at least
     antennas: tuple[int, int] = (2, 8)
     box_m: Vector = (2.0, 1.2, 0.4)  # edges, each shortened by a factor of its own
-    scale: tuple[Positive, Positive] = (0.3, 1.5)  # of all edges
+    scale: tuple[Positive, Positive] = (0.3, 2.0)  # of all edges
     code_m: tuple[Positive, Positive] = (0.05, 2.0)
-    phase_m: tuple[Positive, Positive] = (0.001, 0.0045)
+    phase_m: tuple[Positive, Positive] = (0.001, 0.003)
     outliers: tuple[float, float] = (0.0, 0.2)  # share of links worse than stated
-    worse: tuple[Positive, Positive] = (0.5, 2.0)  # by so many times 1.5 m and 15 mm
+    worse: tuple[Positive, Positive] = (0.5, 1.5)  # by so many times 1.5 m and 15 mm
     stated: tuple[Positive, Positive] = (0.8, 1.25)  # stated over true standard deviation
     reflectors: tuple[ReflectorTable, ...] = ()
 
@@ -76,7 +76,7 @@ def drawn_world(draw: Draw, rng: np.random.Generator) -> World:
     """Return a world of one array: antennas at the middle, at a corner and anywhere in a box."""
     signals = draw.signals[rng.integers(len(draw.signals))]
     total = _count(draw.satellites, rng)
-    edges_m = _between(draw.scale, rng) * np.array(draw.box_m) * rng.uniform(0.4, 1.0, 3)
+    edges_m = _between(draw.scale, rng) * np.array(draw.box_m) * rng.uniform(0.5, 1.0, 3)
     antennas_b_m = edges_m * rng.uniform(-0.5, 0.5, (_count(draw.antennas, rng), 3))
     antennas_b_m[0] = 0.0
     antennas_b_m[1] = 0.5 * edges_m
@@ -114,7 +114,7 @@ def samples_of(draw: Draw, rng: np.random.Generator, *, nodes: int) -> TrustSamp
     rows = trust_rows(differences, listed)
     bad = touched(differences, listed.epoch, rows.worse > OUTLIER)
     kept = differences.resolvable[listed.epoch] & ~bad
-    right = kept.any(axis=(1, 2)) & (~kept | (listed.cycles == true[listed.epoch])).all(axis=(1, 2))
+    right = (~kept | (listed.cycles == true[listed.epoch])).all(axis=(1, 2))
     return TrustSamples(
         start=np.searchsorted(listed.epoch, np.arange(draw.epochs + 1)),
         right=np.asarray(right),
