@@ -1,6 +1,8 @@
 # Each goal makes .venv and installs what it needs, and again only when the lists of packages change.
 PYTHON ?= python3
 ONLY ?=
+SCALE ?= smoke
+DEVICE ?= cpu
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -13,7 +15,7 @@ DEV := $(VENV)/installed-dev
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := install
-.PHONY: install demo test check bench clean
+.PHONY: install demo test check bench plan clean
 
 install: $(DEV)
 
@@ -30,15 +32,15 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev]'
 	@touch $(RUN) $@
 
-# The flight states its own noise, so nothing is identified, and LAMBDA finds its integers. Else as `fgnav demo`, a
-# batch, and pictures. One process: a second would compile the same kernels at the same time.
+# As `fgnav demo`, with pictures: the flight of the source paper by three methods, then what each kind of factor is worth.
 demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo
-	$(BIN)/fgnav simulate demo --seed 1 --out demo/flight
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda \
-	  --method closed-form,maximum-likelihood,smoother,batch,rtk \
+	$(BIN)/fgnav simulate paper --seed 1 --out demo/flight
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method closed-form,rtk,smoother \
 	  --out demo --json demo/compare.json --report demo/report.png
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method smoother \
+	  --without baselines,gravity,line-of-sight,vehicle --json demo/worth.json
 
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests
 # find. Warnings of their kernel's own machinery aside. Then two workers: more gain nothing on a small machine, nor do
@@ -59,6 +61,11 @@ check: $(DEV)
 
 bench: $(DEV)
 	$(BIN)/python -m tests.benchmarks $(ONLY)
+
+# What training each recipe would cost: two steps of every network, timed. make plan SCALE=paper DEVICE=cuda
+plan: $(DEV)
+	@set -e; for recipe in models/fgnav_models/recipes/*.toml; do echo "$$recipe"; \
+	  $(BIN)/fgnav train $$recipe --plan --scale $(SCALE) --device $(DEVICE) --out $$(mktemp -d); done
 
 clean:
 	rm -rf $(VENV) demo bench.json yardstick.json build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

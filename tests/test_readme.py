@@ -8,7 +8,7 @@ import pytest
 from fgnav import plugins
 from fgnav.gravity import ESTIMATORS
 from fgnav.integers.resolvers.registry import resolver_names
-from fgnav.methods import FORMER_GRAVITY, METHODS
+from fgnav.methods import METHODS
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("models/**/*.md"), *ROOT.glob("sim/*.md")])
@@ -25,7 +25,7 @@ def typed(option: str) -> set[str]:
     ("option", "known"),
     [
         ("integers", resolver_names()),
-        ("gravity", (*plugins.names("fgnav.gravity", ESTIMATORS), *FORMER_GRAVITY)),
+        ("gravity", plugins.names("fgnav.gravity", ESTIMATORS)),
         ("method", plugins.names("fgnav.methods", METHODS)),
     ],
 )

@@ -4,12 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.attitude.vector_pairs import VectorAttitude, VectorPairs, wahba_sensitivity
+from fgnav.attitude.vector_pairs import VectorPairs
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, fixed_ranges_m
 
@@ -64,29 +63,24 @@ class FixedBaselines:
         sources = tuple(f"baseline {name}" for name in names)
         return VectorPairs(v_n=self.b_n_m, v_b=v_b, weight=weight, sources=sources)
 
-    def attitude_covariance_rad2(self, pairs: VectorPairs, attitude: VectorAttitude) -> FloatArray:
-        """Return the covariance of Wahba's attitude from these baselines, (n, 3, 3), first order.
+    def attitude_covariance_rad2(self, sensitivity: FloatArray) -> FloatArray:
+        """Return the covariance of an attitude from these baselines, (n, 3, 3), first order.
 
         Phase noise is carried through the baselines into the attitude link by link, so that what
         baselines share, the reference antenna and the reference satellites, counts as shared. It
-        takes body vectors, integers and satellite directions as exact. About an open axis the
-        variance is that of a uniform angle.
+        takes body vectors, integers and satellite directions as exact.
 
         Parameters
         ----------
-        pairs : VectorPairs
-            What ``self.pairs`` returned.
-        attitude : VectorAttitude
-            What ``wahba`` made of them.
+        sensitivity : ndarray, shape (n, b, 3, 3)
+            ``vector_pairs.sensitivity`` to the baselines.
         """
-        per_link = wahba_sensitivity(pairs, attitude) @ self.gain  # (n, b, 3, m)
+        per_link = sensitivity @ self.gain  # (n, b, 3, m)
         noise_m2 = self.link_variance_m2[:, None, None, :]
         covariance = ((per_link * noise_m2) @ per_link.swapaxes(2, 3)).sum(axis=1)
         of_reference = per_link.sum(axis=1)
         covariance += (of_reference * noise_m2[:, 0]) @ of_reference.swapaxes(1, 2)
-        axis_b = np.where((attitude.rank == 1)[:, None], attitude.open_axis_b, 0.0)
-        about = axis_b[:, :, None] * axis_b[:, None, :]
-        return np.asarray(covariance + open_angle_variance_rad2() * about)
+        return np.asarray(covariance)
 
 
 def paper_baselines(differences: DoubleDifferences, integers: Integers) -> FixedBaselines:

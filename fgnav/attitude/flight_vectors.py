@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
-from fgnav.attitude.vector_pairs import VectorPairs, wahba
+from fgnav.attitude.vector_pairs import VectorPairs, stacked, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
 from fgnav.seeker import line_of_sight, to_landmark_b_m
-from fgnav.types.flight import Antenna, Fixes, Flight
+from fgnav.types.flight import Antenna, Fixes, Flight, Imu
 
 _CROWDED = np.cos(np.radians(30))  # of the angle that velocity keeps from the other vectors
 _SLOW_MPS = 2.0  # below, GNSS noise and wind turn the direction of travel by too much
@@ -20,17 +20,29 @@ _SEEN_TOGETHER = 2.5  # sample intervals over which the line of sight is interpo
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Track:
-    """Where one antenna at ``arm_b_m`` was and how it moved, (k, 3); velocity NaN where unknown."""
+    """Where one antenna at ``arm_b_m`` was and how it moved, (k, 3); velocity NaN where unknown.
+
+    Covariances are (k, 3, 3).
+    """
 
     t_s: FloatArray
     epochs: int
     p_n_m: FloatArray
+    position_covariance_m2: FloatArray
     v_n_mps: FloatArray | None
+    velocity_covariance_m2ps2: FloatArray | None
     arm_b_m: FloatArray
 
     def __getitem__(self, rows: BoolArray) -> "Track":
-        v_n_mps = None if self.v_n_mps is None else self.v_n_mps[rows]
-        return replace(self, t_s=self.t_s[rows], p_n_m=self.p_n_m[rows], v_n_mps=v_n_mps)
+        v_n_mps, covariance = self.v_n_mps, self.velocity_covariance_m2ps2
+        return replace(
+            self,
+            t_s=self.t_s[rows],
+            p_n_m=self.p_n_m[rows],
+            position_covariance_m2=self.position_covariance_m2[rows],
+            v_n_mps=None if v_n_mps is None else v_n_mps[rows],
+            velocity_covariance_m2ps2=None if covariance is None else covariance[rows],
+        )
 
 
 def track_of(flight: Flight, *, causal: bool = False) -> Track:
@@ -49,7 +61,9 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
             t_s=code.t_s,
             epochs=len(flight.observations.t_s),
             p_n_m=code.p_n_m,
+            position_covariance_m2=code.position_covariance_m2,
             v_n_mps=code.v_n_mps,
+            velocity_covariance_m2ps2=code.velocity_covariance_m2ps2,
             arm_b_m=flight.antennas[0].position_b_m,
         )
     if flight.fixes is None:
@@ -65,7 +79,11 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
         t_s=fixes.t_s,
         epochs=len(fixes.t_s),
         p_n_m=fixes.p_n_m,
+        position_covariance_m2=fixes.position_sigma_m[:, None] ** 2 * np.eye(3),
         v_n_mps=fixes.v_n_mps,
+        velocity_covariance_m2ps2=None
+        if fixes.velocity_sigma_mps is None
+        else fixes.velocity_sigma_mps[:, None] ** 2 * np.eye(3),
         arm_b_m=antenna.position_b_m,
     )
 
@@ -78,9 +96,11 @@ def measured_vectors(
     Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
     rotation is known: else a spin blurs it. With ``causal`` it is that since the epoch before, and
     the line of sight is the last sample's; ``own`` is then the caller's to have without the future.
+    Weights are one over the mean variance of the components across a vector.
     """
     v_n: list[FloatArray] = []
     v_b: list[FloatArray] = []
+    variance: list[FloatArray] = []
     sources: list[str] = []
     losses: tuple[Loss, ...] = ()
     if flight.imu is not None and track.v_n_mps is not None:
@@ -93,6 +113,8 @@ def measured_vectors(
         if own is not None:
             f_b = np.einsum("nji,nj->ni", own.at(track.t_s), f_b)
         v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
+        covariance = _force_covariance(imu, track, causal=causal)
+        variance.append(_variance_across(f_n, covariance))
     if flight.seeker is not None:
         sight = line_of_sight(flight.seeker, causal=causal)
         losses = sight.losses
@@ -102,15 +124,44 @@ def measured_vectors(
         e_b = at_epochs(sight.t_s, sight.e_b, track.t_s)
         v_n.append(to_n_m)
         v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
+        of_position_m2 = _variance_across(to_n_m, track.position_covariance_m2)
+        variance.append((sight.sigma_rad * distance_m) ** 2 + of_position_m2)
         sources.append("line of sight")
     n, k = len(track.t_s), len(sources)
     pairs = VectorPairs(
         v_n=np.stack(v_n, axis=1) if k else np.zeros((n, 0, 3)),
         v_b=np.stack(v_b, axis=1) if k else np.zeros((n, 0, 3)),
-        weight=np.ones((n, k)),
+        weight=np.nan_to_num(1 / np.stack(variance, axis=1)) if k else np.zeros((n, 0)),
         sources=tuple(sources),
     )
     return pairs, losses
+
+
+def _variance_across(v_n: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return the mean variance of vectors, (n, 3), of covariances, (n, 3, 3), across them, (n,).
+
+    What lies along a vector does not turn it.
+    """
+    square = np.einsum("ni,ni->n", v_n, v_n)
+    along = np.einsum("ni,nij,nj->n", v_n, covariance, v_n) / np.where(square > 0, square, 1.0)
+    return np.asarray((np.trace(covariance, axis1=1, axis2=2) - along) / 2)
+
+
+def _force_covariance(imu: Imu, track: Track, *, causal: bool) -> FloatArray:
+    """Return the covariance of ``specific_force_pair``, (n, 3, 3); NaN where there is none.
+
+    Of its velocities' difference, of the accelerometer's mean over the span, and of its bias.
+    """
+    t_s, of_velocity = track.t_s, track.velocity_covariance_m2ps2
+    out = np.full((len(t_s), 3, 3), np.nan)
+    if of_velocity is None or len(t_s) < 3:
+        return out
+    apart = 1 if causal else 2
+    span_s = (t_s[apart:] - t_s[:-apart])[:, None, None]
+    white = imu.accelerometer_noise_mps2_per_sqrt_hz**2 / span_s
+    of_force = (white + imu.accelerometer_bias_mps2**2) * np.eye(3)
+    out[1 : len(span_s) + 1] = (of_velocity[apart:] + of_velocity[:-apart]) / span_s**2 + of_force
+    return out
 
 
 def with_velocity(pairs: VectorPairs, track: Track) -> VectorPairs:
@@ -129,12 +180,10 @@ def with_velocity(pairs: VectorPairs, track: Track) -> VectorPairs:
     wanted = (wahba(others).rank < 2) & ~crowded & (speed_mps > _SLOW_MPS)
     v_n = np.where(wanted[:, None], track.v_n_mps, np.nan)
     v_b = speed_mps[:, None] * np.array([1.0, 0.0, 0.0])
-    return VectorPairs(
-        v_n=np.concatenate([pairs.v_n, v_n[:, None]], axis=1),
-        v_b=np.concatenate([pairs.v_b, v_b[:, None]], axis=1),
-        weight=np.ones((len(v_n), len(pairs.sources) + 1)),
-        sources=(*pairs.sources, "velocity"),
+    nose = VectorPairs(
+        v_n=v_n[:, None], v_b=v_b[:, None], weight=np.ones((len(v_n), 1)), sources=("velocity",)
     )
+    return stacked([pairs, nose])
 
 
 def _interpolated(t_s: FloatArray, e_b: FloatArray, at_s: FloatArray) -> FloatArray:

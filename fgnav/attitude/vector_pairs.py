@@ -1,13 +1,16 @@
 """Attitude from vectors known in two frames: the paper's least squares, Wahba's problem."""
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, freeze
-from fgnav.geometry.rotations import exp, nearest, skew
+from fgnav.geometry.rotations import exp, log, skew
+from fgnav.types.estimate import open_angle_variance_rad2
 
 _COLLINEAR = 1e-6  # second over first singular value; rounding leaves 1e-15, any real array > 1e-3
+_STEP = 1e-5  # of a vector's length: a central difference rounds to 1e-11 of it and curves by less
 _INDIFFERENT = 1e-2  # sine below which a common direction cannot set the body upright
 _NORTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
@@ -50,6 +53,17 @@ class VectorPairs:
         lengths = np.minimum(_length(self.v_n), _length(self.v_b))[..., 0]  # NaN if either is
         return np.asarray((lengths > 0) & (self.weight > 0))
 
+    def where(self, keep: BoolArray) -> "VectorPairs":
+        """Return the pairs that ``keep``, (n, k), names, the others absent."""
+        return replace(self, v_b=np.where(keep[..., None], self.v_b, np.nan))
+
+    def at(self, rows: IntArray, epochs: int) -> "VectorPairs":
+        """Return the pairs at some rows of so many epochs, none at the others."""
+        v_n, v_b = np.full((2, epochs, *self.v_n.shape[1:]), np.nan)
+        weight = np.zeros((epochs, len(self.sources)))
+        v_n[rows], v_b[rows], weight[rows] = self.v_n, self.v_b, self.weight
+        return VectorPairs(v_n=v_n, v_b=v_b, weight=weight, sources=self.sources)
+
     def directions(self) -> "VectorPairs":
         """Return the pairs as unit vectors of equal weight, as the paper takes them (Eq. 19)."""
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -78,6 +92,23 @@ class VectorAttitude:
     R_nb: FloatArray
     rank: IntArray
     open_axis_b: FloatArray
+
+    def with_open_axis(self, covariance_rad2: FloatArray) -> FloatArray:
+        """Return a covariance, (n, 3, 3), about open axes that of a uniform angle."""
+        axis_b = np.where((self.rank == 1)[:, None], self.open_axis_b, 0.0)
+        about = axis_b[:, :, None] * axis_b[:, None, :]
+        across = np.eye(3) - about
+        return np.asarray(across @ covariance_rad2 @ across + open_angle_variance_rad2() * about)
+
+
+def stacked(parts: Sequence[VectorPairs]) -> VectorPairs:
+    """Return pairs of the same epochs, one part after the other."""
+    return VectorPairs(
+        v_n=np.concatenate([part.v_n for part in parts], axis=1),
+        v_b=np.concatenate([part.v_b for part in parts], axis=1),
+        weight=np.concatenate([part.weight for part in parts], axis=1),
+        sources=tuple(source for part in parts for source in part.sources),
+    )
 
 
 def paper_matrix(pairs: VectorPairs) -> FloatArray:
@@ -110,14 +141,6 @@ def paper_matrix(pairs: VectorPairs) -> FloatArray:
     T = M @ np.linalg.inv(G)
     T[~spans[:, 1]] = np.nan
     return np.asarray(T)
-
-
-def paper_rotation(pairs: VectorPairs) -> FloatArray:
-    """Return the (n, 3, 3) rotations nearest to the paper's matrices; NaN where there is none."""
-    T = paper_matrix(pairs)
-    finite = np.isfinite(T[:, 0, 0])
-    T[finite] = nearest(T[finite])
-    return T
 
 
 def wahba(pairs: VectorPairs) -> VectorAttitude:
@@ -160,30 +183,28 @@ def collinear(v_b: FloatArray) -> bool:
     return bool(squares[1] <= _COLLINEAR * squares[2])
 
 
-def wahba_sensitivity(pairs: VectorPairs, attitude: VectorAttitude) -> FloatArray:
+def sensitivity(solve: Callable[[VectorPairs], FloatArray], pairs: VectorPairs) -> FloatArray:
     """Return (n, k, 3, 3): change of the body-axes tangent per change of each ``v_n``, first order.
 
-    With ``S_k`` these matrices and ``C_kl`` the covariances between local vectors, the attitude's
-    covariance is ``sum_kl S_k C_kl S_l^T``. It holds for small errors of ``v_n``, error-free
-    ``v_b`` and any weights; with directions weighted by their own inverse variances it is Shuster's
-    covariance [1]_. About an open axis, and for absent pairs, it is zero: no vector moves that
-    convention.
+    With ``S_k`` these matrices and ``C_kl`` the covariances between errors of ``v_n - R_nb v_b``,
+    the attitude's covariance is ``sum_kl S_k C_kl S_l^T``, of any solution: by central differences.
+    Zero for absent pairs.
 
-    References
+    Parameters
     ----------
-    .. [1] M. D. Shuster and S. D. Oh, Three-axis attitude determination from vector observations,
-       Journal of Guidance and Control 4(1), 1981, Eq. 98.
+    solve : callable
+        From pairs to rotations, (n, 3, 3); NaN where there is none.
     """
-    keep = pairs.valid
-    v_b = np.where(keep[..., None], pairs.v_b, 0.0)
-    n, k = keep.shape
-    cross = skew(v_b.reshape(-1, 3)).reshape(n, k, 3, 3) * pairs.weight[:, :, None, None]
-    square = np.einsum("nk,nki,nki->n", pairs.weight, v_b, v_b)
-    outer = (v_b * pairs.weight[..., None]).swapaxes(1, 2) @ v_b
-    A = square[:, None, None] * np.eye(3) - outer
-    inverse = np.linalg.pinv(A, rcond=_COLLINEAR**2, hermitian=True)
-    R_bn = np.where((attitude.rank > 0)[:, None, None], attitude.R_nb, 0.0).swapaxes(1, 2)
-    return np.asarray(inverse[:, None] @ cross @ R_bn[:, None])
+    steps = _STEP * _length(pairs.v_n)[..., 0]
+    S = np.zeros((*pairs.v_n.shape, 3))
+    for k, axis in np.ndindex(pairs.v_n.shape[1:]):
+        step = np.zeros_like(pairs.v_n)
+        step[:, k, axis] = steps[:, k]
+        before, after = (solve(replace(pairs, v_n=pairs.v_n + one)) for one in (-step, step))
+        has = pairs.valid[:, k] & np.isfinite(before[:, 0, 0]) & np.isfinite(after[:, 0, 0])
+        turn = log(before[has].swapaxes(1, 2) @ after[has])
+        S[has, k, :, axis] = turn / (2 * steps[has, k, None])
+    return S
 
 
 def upright(R_nb: FloatArray, axis_b: FloatArray) -> FloatArray:

@@ -26,27 +26,28 @@ def estimator_of(table: MethodTable) -> Estimator:
     BadInputError
         Naming the table and what it asks that is not there.
     """
-    from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
+    from fgnav.evaluation.ablation import restricted  # noqa: PLC0415
+    from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import Options, gravity_source, method_named  # noqa: PLC0415
+    from fgnav.methods import Options, method_named  # noqa: PLC0415
 
     try:
-        check_kinds(table.without)
-        gravity, factors = gravity_source(table.gravity, table.factors)
         options = Options(
-            gravity=gravity,
+            gravity=None if table.gravity is None else gravity_named(table.gravity),
             estimate=table.estimate,
-            factors=factors,
+            factors=table.factors,
             solver=table.solver,
             causal=table.causal,
             lag_s=table.lag_s,
         )
         estimator = method_named(table.method, resolver_named(table.integers), options=options)
+        if table.without:
+            return restricted(table.title, estimator, table.without)
     except BadInputError as error:
         raise BadInputError(f"[[method]] {table.title!r}: {error}") from None
-    if not table.without and "name" in getattr(estimator, "__dataclass_fields__", ()):
+    if "name" in getattr(estimator, "__dataclass_fields__", ()):
         return replace(estimator, name=table.title)  # type: ignore[type-var]  # it is one
-    return Restricted(name=table.title, estimator=estimator, without=table.without)
+    return restricted(table.title, estimator, ())
 
 
 def check_order(order: Order) -> None:

@@ -24,7 +24,7 @@ class MethodTable(Table, frozen=True):
     # estimate, factors, without: ``without`` names what is left out of the flight first, see
     # ``evaluation.ablation``
     estimate: tuple[str, ...] = ()
-    factors: tuple[str, ...] = ()
+    factors: tuple[str, ...] | None = None  # none: the networks of a flight by default
     without: tuple[str, ...] = ()
     solver: str | None = None
     causal: bool = False

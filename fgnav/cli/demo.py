@@ -4,12 +4,15 @@ import shlex
 import tempfile
 from pathlib import Path
 
+METHODS = "closed-form,rtk,smoother"
+
 
 def demo(folder: Path | None = None, /) -> None:
-    """Simulate a minute of flight, compare four methods on it and keep their estimates.
+    """Simulate the flight of the source paper and compare methods on it, and factors.
 
-    Prints each command before it runs; they can be typed as they stand. Leaves flight/,
-    compare.json, report.html, which any browser shows, and the estimates, each in a folder by its
+    Closed form, RTK and smoother; then the smoother without each kind of factor. Prints each
+    command before it runs; they can be typed as they stand. Leaves flight/, compare.json,
+    worth.json, report.html, which any browser shows, and the estimates, each in a folder by its
     method's name, in a folder.
 
     Example: fgnav demo my-first-flight
@@ -28,14 +31,15 @@ def demo(folder: Path | None = None, /) -> None:
     flight = str(place / "flight")
     figures = ["--json", str(place / "compare.json"), "--report", str(place / "report.html")]
     place.mkdir(parents=True, exist_ok=True)
-    # The flight states its own noise right, LAMBDA finds the integers that the default resolver
-    # finds, and a batch differs from the smoother in nothing that a first look would see:
-    # identifying noise, searching under the array's shape and solving twice would only take longer.
-    methods = ["--method", "closed-form,maximum-likelihood,smoother,rtk"]
+    # The flight states its own noise right, and LAMBDA finds the integers that the default resolver
+    # finds: identifying noise and searching under the array's shape would only take longer.
     simple = ["--noise", "stated", "--integers", "lambda"]
+    kinds = ["--without", "baselines,gravity,line-of-sight,vehicle"]
+    worth = ["--json", str(place / "worth.json")]
     for words in (
-        ["simulate", "demo", "--seed", "1", "--out", flight],
-        ["compare", flight, *methods, *simple, "--out", str(place), *figures],
+        ["simulate", "paper", "--seed", "1", "--out", flight],
+        ["compare", flight, "--method", METHODS, *simple, "--out", str(place), *figures],
+        ["compare", flight, "--method", "smoother", *kinds, *simple, *worth],
     ):
         print(f"\n$ fgnav {shlex.join(words)}", flush=True)
         run(words)

@@ -19,7 +19,7 @@ from fgnav.diagnostics.windows import FALSE_ALARM, fitted, is_better, windows_of
 from fgnav.geometry.interpolation import corrected_integral, interpolate_tensors
 from fgnav.geometry.rotations import to_euler
 from fgnav.types.flight import Fixes
-from fgnav.types.vehicle import WheeledVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 UNITS = {"m/s": 1.0, "knots": 1852 / 3600, "km/h": 1 / 3.6, "ft/s": 0.3048, "cm/s": 0.01}
 _COLUMNS = ("vn_mps", "ve_mps", "vd_mps")
@@ -85,7 +85,7 @@ def _column_finding(y: FloatArray, x: FloatArray, white: FloatArray) -> Finding 
 
 
 def mounting_finding(
-    fixes: Fixes, integrals: Integrals, clock: Clock, vehicle: WheeledVehicle | None
+    fixes: Fixes, integrals: Integrals, clock: Clock, vehicle: WheeledVehicle | FinnedVehicle | None
 ) -> tuple[Finding | None, bool]:
     """Return how the IMU lies, and whether that is certain beside a body that leans."""
     row, inside = clock.windows.row, clock.windows.inside[..., None]
@@ -114,7 +114,8 @@ def mounting_finding(
     finding = _quarter_turn(R_vb, "gravity and travel" if is_ahead else "gravity")
     if finding is not None or not is_ahead:
         return finding, True
-    return _lean(R_vb, vehicle), vehicle is not None
+    wheeled = vehicle if isinstance(vehicle, WheeledVehicle) else None
+    return _lean(R_vb, wheeled), wheeled is not None
 
 
 def _is_steady(directions: FloatArray) -> bool:

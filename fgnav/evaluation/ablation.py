@@ -11,6 +11,8 @@ from fgnav.types.estimate import Estimate, Estimator
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
+GRAVITY = "gravity"  # of a method, where KINDS are of a flight
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Restricted:
@@ -23,6 +25,36 @@ class Restricted:
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate what is left of a flight."""
         return replace(self.estimator(without(flight, self.without)), method=self.name)
+
+
+def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  # noqa: ANN401
+    """Return a method without some kinds of measurement, gravity among them where it takes it.
+
+    Raises
+    ------
+    BadInputError
+        If a kind is unknown, or the method has no source of gravity.
+    """
+    measured = tuple(kind for kind in kinds if kind != GRAVITY)
+    check_kinds(measured)
+    if len(measured) < len(kinds):
+        if not has_gravity(estimator):
+            raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
+        others = tuple(one for one in estimator.factors or () if not _is_gravity(one))
+        estimator = replace(estimator, gravity=None, factors=others)
+    return Restricted(name=name, estimator=estimator, without=measured)
+
+
+def has_gravity(estimator: Any) -> bool:  # noqa: ANN401  # an estimator
+    """Return True if a method has a source of gravity directions, or may ask the network."""
+    if not hasattr(estimator, "factors"):
+        return False
+    factors = estimator.factors
+    return estimator.gravity is not None or factors is None or any(map(_is_gravity, factors))
+
+
+def _is_gravity(source: Any) -> bool:  # noqa: ANN401  # a name or a network
+    return str(getattr(source, "name", source)).startswith(GRAVITY)
 
 
 def without(flight: Flight, kinds: Sequence[str]) -> Flight:
@@ -51,7 +83,7 @@ def check_kinds(kinds: Sequence[str]) -> None:
     """Raise unless all are of ``KINDS``."""
     for kind in kinds:
         if kind not in KINDS:
-            raise BadInputError(f"without {kind}: not one of {', '.join(KINDS)}")
+            raise BadInputError(f"without {kind}: not one of {', '.join((*KINDS, GRAVITY))}")
 
 
 def _none(name: str) -> Callable[[Flight], Flight | None]:
@@ -97,19 +129,37 @@ def _no_gyroscope(flight: Flight) -> Flight | None:
     return replace(flight, imu=replace(flight.imu, **lost))
 
 
+def _no_baselines(flight: Flight) -> Flight | None:
+    """Return a flight whose reference antenna is alone."""
+    observed = flight.observations
+    if observed is None or len(flight.antennas) < 2:
+        return None
+    of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
+    truth = flight.truth
+    return replace(
+        flight,
+        antennas=flight.antennas[:1],
+        observations=replace(observed, **first),
+        truth=None if truth is None else replace(truth, integers=None),
+    )
+
+
 def _no_networks(flight: Flight) -> Flight | None:
     return replace(flight, networks=()) if flight.networks else None
 
 
 KINDS: dict[str, Callable[[Flight], Flight | None]] = {
+    "baselines": _no_baselines,
     "phase": _unmeasured("phase_cycles"),
     "doppler": _unmeasured("doppler_hz"),
     "gnss": _none("observations"),
     "fixes": _none("fixes"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
-    "seeker": _none("seeker"),
+    "line-of-sight": _none("seeker"),
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
+    "vehicle": _none("vehicle"),
     "networks": _no_networks,
 }

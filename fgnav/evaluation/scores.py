@@ -8,7 +8,13 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
-from fgnav.types.estimate import Consistency, Estimate, Verdict, open_angle_variance_rad2
+from fgnav.types.estimate import (
+    Consistency,
+    Estimate,
+    GraphSummary,
+    Verdict,
+    open_angle_variance_rad2,
+)
 from fgnav.types.flight import Truth
 
 EULER = ("roll", "pitch", "yaw")
@@ -78,6 +84,8 @@ class Score:
     seconds : float
         Wall time from the flight to the estimate, differences and integers included, without
         the compilation of kernels that the first run after an install brings.
+    graph : GraphSummary or None
+        Factors by kind, answers of networks, and who solved it.
     consistency : tuple of Consistency
         Innovations by kind of measurement, of a method that states them.
     verdicts : tuple of Verdict
@@ -100,6 +108,7 @@ class Score:
     converged: bool = False
     unobservable: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+    graph: GraphSummary | None = None
     consistency: tuple[Consistency, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     notes: tuple[str, ...] = ()
@@ -161,6 +170,7 @@ def score(
         converged=estimate.converged,
         unobservable=estimate.unobservable,
         losses=estimate.losses + (errors.losses if errors else ()),
+        graph=estimate.graph,
         consistency=estimate.consistency,
         verdicts=estimate.verdicts,
         notes=estimate.notes,

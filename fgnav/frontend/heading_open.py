@@ -25,7 +25,7 @@ from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import InitialAttitude
 
 _SPANS_S = (1.0, 2.0, 4.0)  # over which accelerations are differences of fixes
-_FIXED_RAD = 0.01  # of a heading held fixed: linear systems stay well posed
+FIXED_RAD = 0.01  # of a heading held fixed: linear systems stay well posed
 _SURE_MPS2 = 0.3  # of their noise: a third of what cars, boats and walkers accelerate by
 
 
@@ -65,7 +65,7 @@ def open_heading(
     opening = replace(
         _with_force_noise(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
-        attitude_prior=attitude_prior(initial, R_nb[0], _FIXED_RAD),
+        attitude_prior=attitude_prior(initial, R_nb[0], FIXED_RAD),
     )
     stated = None if initial is None else initial.heading_sigma_rad
     variance_rad2 = open_angle_variance_rad2()
@@ -81,8 +81,8 @@ def _carried_back_rad(stage: Aligned) -> float:
     """Return the 1-sigma of the first heading, carried back from where it is known."""
     start, bias_radps = stage.start, stage.record.imu.gyroscope_bias_radps or 0.0
     if start.form is None:
-        return float(stage.carried_sigma_rad[0] + _FIXED_RAD)
-    return float(bias_radps * (start.heading_from_s - start.t_s[0]) + _FIXED_RAD)
+        return float(stage.carried_sigma_rad[0] + FIXED_RAD)
+    return float(bias_radps * (start.heading_from_s - start.t_s[0]) + FIXED_RAD)
 
 
 def _with_force_noise(

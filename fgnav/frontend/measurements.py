@@ -20,6 +20,7 @@ from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
 from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.vehicle.aerodynamic_angles import MEAN, WIND, AerodynamicAngles
 from fgnav.graph.factors.vehicle.resting_rate import RestingRate
 from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
@@ -81,7 +82,7 @@ def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measureme
     others = (
         *_directions(recorded, constants),
         *_surroundings(recorded, constants),
-        *_wheels(recorded, constants),
+        *_vehicle(recorded, constants),
         *_standstill(recorded, constants),
     )
     timed = recorded.timed
@@ -212,8 +213,17 @@ def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Measurem
         )
 
 
-def _wheels(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _vehicle(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     wheels, measured = recorded.sensed.wheels, recorded.measured_b_radps
+    airflow = recorded.sensed.airflow
+    if airflow is not None:
+        yield AerodynamicAngles(
+            row=airflow.row,
+            sigma_rad=airflow.sigma_rad,
+            wind_column=constants.column(WIND),
+            mean_column=constants.column(MEAN),
+            constants=constants,
+        )
     if wheels is not None:
         yield RollingWheels(
             row=wheels.row,

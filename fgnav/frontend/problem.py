@@ -73,7 +73,8 @@ def build_problem(
         stage = aligned(flight, settings, requested, last.of(flight, settings))
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
-    sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, causal=causal)
+    v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
+    sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, v_n_mps, causal=causal)
     stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
     rest = Rest.of(stands, track.t_s, causal=causal)
     resting = resting_rates(flight.vehicle, imu, track.t_s, stands, causal=causal)

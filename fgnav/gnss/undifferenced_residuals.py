@@ -14,6 +14,7 @@ from fgnav.gnss.single_point.solution import BLOCK
 from fgnav.types.flight import Flight
 from fgnav.types.observations import HALF_CYCLE, Observations
 
+_LEAST_ERROR_M = 0.01  # of satellites that are stated without errors: far below code noise
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 _LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
 
@@ -96,7 +97,7 @@ def _block(
     p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
     seen = angles(p_e_m, paths.e_e)
-    delay_m, left_m2 = atmosphere_m(flight.broadcast, channels, p_e_m, seen, ranges.gps_s)
+    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
     air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
     on = modelled[:, None]
     air_m, ions_m = on * air_m, on * (delay_m - air_m)
@@ -112,5 +113,5 @@ def _block(
         np.where(resolved, phase_m, np.nan),
         np.where(usable[:, :, None], paths.e_e @ flight.origin.R_ne.T, np.nan),
         np.where(usable, seen[0], np.nan),
-        np.sqrt(ranges.message_variance_m2 + on * left_m2),
+        np.sqrt(ranges.message_variance_m2 + on * left_m2).clip(_LEAST_ERROR_M),
     )

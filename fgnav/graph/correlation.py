@@ -1,4 +1,9 @@
-"""For how many samples an error stays: what independent samples would be as good as a series."""
+"""Errors that last: what independent samples would be as good as a series of correlated ones.
+
+Errors of a first-order Gauss-Markov process, correlated by ``rho(t) = 2^(-t / h)``, are counted
+at most every D seconds, their covariance multiplied by ``c = (1 + rho(D)) / (1 - rho(D))``, the sum
+of all correlations: n of them, taken as independent, know of a constant what n correlated ones do.
+"""
 
 import numpy as np
 
@@ -6,6 +11,7 @@ from fgnav.checks import FloatArray
 
 _SIGMAS = 4.0  # of a correlation of white noise, 1 / sqrt(k): 3e-5
 SHOWN_BY = _SIGMAS**2  # samples: of fewer not even a correlation of 1 is significant
+HALF_LIVES = 2.0  # between errors of a process that are counted as nearly independent
 _LAGS = 0.25  # of a series: of longer ones there are too few pairs [1], section 2.1.5
 
 
@@ -29,3 +35,24 @@ def correlated(r: FloatArray) -> float:
             break
         longer += 2 * rho
     return longer
+
+
+def interval_s(half_life_s: float) -> float:
+    """Return how far apart measurements with such errors are counted."""
+    return HALF_LIVES * half_life_s
+
+
+def inflation(half_life_s: float, between_s: float) -> float:
+    """Return the factor of covariances of measurements that are so far apart, or further.
+
+    Parameters
+    ----------
+    half_life_s : float
+        0 of independent errors.
+    between_s : float
+        Positive where errors are correlated.
+    """
+    if half_life_s == 0:
+        return 1.0
+    rho = 2.0 ** (-between_s / half_life_s)
+    return float((1 + rho) / (1 - rho))

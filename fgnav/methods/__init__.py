@@ -6,27 +6,25 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 ``Estimator``.
 """
 
-import logging
 from dataclasses import dataclass, replace
 
 from fgnav import plugins
-from fgnav.gravity import GravityEstimator, gravity_named
+from fgnav.gravity import GravityEstimator
 from fgnav.types.estimate import Estimator
 from fgnav.types.integers import Resolver
-
-_LOG = logging.getLogger(__name__)
 
 GROUP = "fgnav.methods"
 METHODS = {
     "closed-form": "fgnav.methods.closed_form:ClosedForm",
+    "closed-form-weighted": "fgnav.methods.closed_form:weighted",
     "maximum-likelihood": "fgnav.methods.maximum_likelihood:MaximumLikelihood",
     "smoother": "fgnav.methods.smoother:Smoother",
     "forward": "fgnav.methods.smoother:Forward",
     "batch": "fgnav.methods.smoother:Batch",
     "rtk": "fgnav.methods.rtk:Rtk",
 }
-FORMER_GRAVITY = {"network": "gravity", "network-accelerometer": "gravity-accelerometer"}
 SMOOTHERS = ("smoother", "forward", "batch")  # those that take all of ``Options``
+WITH_GRAVITY = ("closed-form", "closed-form-weighted", *SMOOTHERS)  # and with factors
 WITH_LAG = ("smoother", "forward")
 
 
@@ -34,12 +32,14 @@ WITH_LAG = ("smoother", "forward")
 class Options:
     """What smoothers take beside a resolver; None and empty leave their own defaults.
 
+    Closed forms take gravity and factors.
+
     Attributes
     ----------
     gravity : GravityEstimator or None
     estimate : tuple of str
-    factors : tuple of str
-        Names of installed sources of factors.
+    factors : tuple of str or None
+        Names of installed sources of factors; empty: none, not the gravity network either.
     solver : str or None
     causal : bool
         Of the smoother alone: the others are what they are.
@@ -50,7 +50,7 @@ class Options:
 
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
-    factors: tuple[str, ...] = ()
+    factors: tuple[str, ...] | None = None
     solver: str | None = None
     causal: bool = False
     noise: str | None = None
@@ -58,38 +58,18 @@ class Options:
 
     def of(self, name: str) -> dict[str, object]:
         """Return the arguments of the method of that name."""
-        if name not in SMOOTHERS:
+        if name not in WITH_GRAVITY:
             return {}
-        wanted: dict[str, object] = {
-            "gravity": self.gravity,
-            "estimate": self.estimate or None,
-            "factors": self.factors or None,
-            "solver": self.solver,
-            "causal": True if self.causal and name == "smoother" else None,
-            "noise": self.noise,
-            "lag_s": self.lag_s if name in WITH_LAG else None,
-        }
+        wanted: dict[str, object] = {"gravity": self.gravity, "factors": self.factors}
+        if name in SMOOTHERS:
+            wanted |= {
+                "estimate": self.estimate or None,
+                "solver": self.solver,
+                "causal": True if self.causal and name == "smoother" else None,
+                "noise": self.noise,
+                "lag_s": self.lag_s if name in WITH_LAG else None,
+            }
         return {option: value for option, value in wanted.items() if value is not None}
-
-
-def gravity_source(
-    name: str | None, factors: tuple[str, ...]
-) -> tuple[GravityEstimator | None, tuple[str, ...]]:
-    """Return the gravity estimator of a name, and factors, to which former names belong.
-
-    Networks for it are factors; their names as estimators hold for one version.
-    """
-    if name is None:
-        return None, factors
-    factor = FORMER_GRAVITY.get(name)
-    if factor is None:
-        return gravity_named(name), factors
-    _LOG.warning(
-        "gravity %r is now a factor: --factors %s; this name goes with the next version",
-        name,
-        factor,
-    )
-    return None, factors if factor in factors else (*factors, factor)
 
 
 def method_named(

@@ -1,50 +1,88 @@
 """The paper's method: the matrix that carries vectors in body axes into the same in local axes."""
 
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fgnav.attitude.array import axis_name
-from fgnav.attitude.baselines import body_motion, paper_baselines
-from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
+from fgnav.attitude.baselines import (
+    BodyMotion,
+    FixedBaselines,
+    body_motion,
+    paper_baselines,
+    weighted_baselines,
+)
+from fgnav.attitude.flight_vectors import Track, track_of, with_velocity
 from fgnav.attitude.vector_pairs import (
+    VectorAttitude,
     VectorPairs,
     collinear,
     paper_matrix,
-    paper_rotation,
+    sensitivity,
+    stacked,
     wahba,
 )
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
-from fgnav.types.estimate import Estimate
+from fgnav.methods.direction_pairs import Gravity, direction_pairs
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Estimate, open_angle_variance_rad2
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Resolver
+from fgnav.types.integers import Integers, Resolver
 
+_BASELINE = "baseline"
 # What one vector alone leaves open.
 _OPEN_ABOUT = {
     "specific force": "yaw",
+    "gravity": "yaw",
     "velocity": "roll",
     "line of sight": "rotation about the line of sight",
 }
+
+
+class _Array(NamedTuple):
+    differences: DoubleDifferences
+    integers: Integers
+    baselines: FixedBaselines
+
+
+class _Epochs(NamedTuple):
+    """All pairs of a flight at its epochs, (n,), those of the array's baselines first."""
+
+    t_s: FloatArray
+    pairs: VectorPairs
+    array_rows: IntArray  # of the array's own epochs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClosedForm:
     """Attitude of each epoch from unit vectors in two frames (Eqs. 18-32) [1]_.
 
-    The vectors are the antenna array's baselines. A flight without an array is left with specific
-    force, the line of sight to the landmark, and, where those two leave an angle open, the velocity
-    (Eqs. 21-23). No covariance: the paper states none.
+    The vectors are the array's baselines, gravity and the line of sight to the landmark, whichever
+    an epoch has, stacked (section 4.5). Gravity is that of an estimator or a network where one
+    answers, else the specific force by accelerometer and velocities. A flight without an array that
+    leaves an angle open takes the velocity, too (Eqs. 21-23).
+
+    The covariance is that of the vectors to first order, with integers as right; there is none
+    where the velocity takes part, whose sideslip has no stated variance.
 
     Attributes
     ----------
     resolver : Resolver
         Of the integers.
-    orthogonalise : bool
-        Take the rotation nearest to the paper's matrix; the paper itself reads the angles from the
-        matrix as it is. Neither is better on all angles.
+    weights : {"equal", "covariance"}
+        Equal as the paper's (Eq. 20), or one over each vector's variance: Wahba's problem, without
+        the velocity.
+    gravity : GravityEstimator, "specific force" or None
+        Source of gravity directions in body axes; with None there are no such pairs.
+    factors : tuple or None
+        As of ``Smoother``; networks that measure the direction of gravity are used.
     moves_forward : bool
         Let the velocity stand for the body's x axis. The paper integrates accelerations with a rate
         that nothing measures (Eq. 22); without sideslip and angle of attack this is what it yields.
@@ -57,7 +95,9 @@ class ClosedForm:
     """
 
     resolver: Resolver = field(default_factory=default_resolver)
-    orthogonalise: bool = False
+    weights: Literal["equal", "covariance"] = "equal"
+    gravity: Gravity = "specific force"
+    factors: tuple[Any, ...] | None = None
     moves_forward: bool = True
     name: str = "closed-form"
 
@@ -69,84 +109,168 @@ class ClosedForm:
         NoSolutionError
             If the flight has neither an array nor other vectors, or no epoch has enough of them.
         """
-        if flight.observations is not None and len(flight.antennas) > 1:
-            return self._from_array(flight, len(flight.observations.t_s))
-        return self._from_vectors(flight)
-
-    def _from_array(self, flight: Flight, epochs: int) -> Estimate:
-        differences, integers = resolve(flight, self.resolver)
-        names = tuple(antenna.name for antenna in flight.antennas[1:])
-        baselines = paper_baselines(differences, integers)
-        pairs = baselines.pairs(differences.baselines_b_m, names)
-        line = collinear(differences.baselines_b_m)
-        R_nb = wahba(pairs.directions()).R_nb if line else self._rotations(pairs)
-        keep = np.isfinite(R_nb[:, 0, 0])
-        few = "no baseline is fixed" if line else "no two baselines out of line are fixed"
-        lost = self._lost(few, keep)
-        t_s, R_nb = differences.t_s[keep], R_nb[keep]
-        motion = body_motion(flight, t_s, R_nb)
+        array = self._array(flight)
+        track = _track(flight, needed=array is None)
+        epochs, losses = self._epochs(flight, array, track)
+        pairs = epochs.pairs
+        attitude = wahba(self._weighted(pairs))
+        rank = _rank(array, attitude.rank)
+        solve = self._rotations if rank == 2 else lambda some: wahba(self._weighted(some)).R_nb
+        R_nb, covariance = solve(pairs), _covariance(solve, epochs, array, attitude)
+        nose: BoolArray = (pairs.valid & (_kinds(pairs) == "velocity")).any(axis=1)
+        largest_rad2 = np.linalg.eigvalsh(covariance)[:, -1]
+        determined = nose | (rank < 2) | (largest_rad2 < open_angle_variance_rad2())
+        keep = np.isfinite(R_nb[:, 0, 0]) & (attitude.rank >= max(rank, 1)) & determined
+        lost = _lost("no two vectors out of line" if rank == 2 else "no vector", keep)
+        used = Counter(_kinds(pairs)[np.nonzero(pairs.valid & keep[:, None])[1]].tolist())
+        t_s, R_nb = epochs.t_s[keep], R_nb[keep]
+        motion = _motion(flight, track, t_s, keep, R_nb)
         return Estimate(
             method=self.name,
             t_s=t_s,
-            epochs=epochs,
+            epochs=_recorded(flight),
             R_nb=R_nb,
+            attitude_covariance_rad2=None if nose[keep].any() else covariance[keep],
             p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
             v_n_mps=motion.v_n_mps,
-            unobservable=(axis_name(differences.baselines_b_m),) if line else (),
-            integers=integers,
-            losses=(*differences.losses, *integers.losses, *lost),
-            notes=(*([] if line else [self._reading()]), *motion.notes),
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
+            unobservable=_unobservable(array, used) if rank == 1 else (),
+            integers=None if array is None else array.integers,
+            losses=(*losses, *lost),
+            notes=(*self._notes(used, rank), *motion.notes),
         )
 
-    def _from_vectors(self, flight: Flight) -> Estimate:
-        track = track_of(flight)
-        pairs, losses = measured_vectors(flight, track)
-        if self.moves_forward:
-            pairs = with_velocity(pairs, track)
-        attitude = wahba(pairs.directions())
-        rank = min(2, int(attitude.rank.max(initial=0)))
-        R_nb = self._rotations(pairs) if rank == 2 else attitude.R_nb
-        keep = np.isfinite(R_nb[:, 0, 0]) & (attitude.rank == rank)
-        lost = self._lost("no two vectors out of line" if rank == 2 else "no vector", keep)
-        used = (pairs.valid & keep[:, None]).any(axis=0)
-        sources = [source for source, has in zip(pairs.sources, used, strict=True) if has]
-        swing = "Velocity is that of the antenna: its swing about the body is unknown."
-        v_n_mps = None if track.v_n_mps is None else track.v_n_mps[keep]
-        has_velocity = v_n_mps is not None and bool(np.isfinite(v_n_mps).all())
-        notes = [f"Vectors: {', '.join(sources)}."]
-        notes += [self._reading()] if rank == 2 else []
-        if "velocity" in sources:
-            count = int((pairs.valid[:, -1] & keep).sum())
+    def _array(self, flight: Flight) -> _Array | None:
+        if flight.observations is None or len(flight.antennas) < 2:
+            return None
+        differences, integers = resolve(flight, self.resolver)
+        solve = paper_baselines if self.weights == "equal" else weighted_baselines
+        return _Array(differences, integers, solve(differences, integers))
+
+    def _epochs(
+        self, flight: Flight, array: _Array | None, track: Track | None
+    ) -> tuple[_Epochs, tuple[Loss, ...]]:
+        """Return what array and instruments see in both frames, and what they lack."""
+        parts, times, losses = [], [], []
+        if array is not None:
+            differences, integers, baselines = array
+            names = tuple(antenna.name for antenna in flight.antennas[1:])
+            parts.append(baselines.pairs(differences.baselines_b_m, names))
+            times.append(differences.t_s)
+            losses += [*differences.losses, *integers.losses]
+        if track is not None:
+            pairs, lost = direction_pairs(flight, track, self.gravity, self.factors)
+            if array is None and self.moves_forward and self.weights == "equal":
+                pairs = with_velocity(pairs, track)
+            parts.append(pairs)
+            times.append(track.t_s)
+            losses += lost
+        t_s = np.unique(np.concatenate(times))
+        rows = [np.searchsorted(t_s, part_s) for part_s in times]
+        pairs = stacked([part.at(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
+        return _Epochs(t_s, pairs, rows[0]), tuple(losses)
+
+    def _weighted(self, pairs: VectorPairs) -> VectorPairs:
+        return pairs if self.weights == "covariance" else pairs.directions()
+
+    def _rotations(self, pairs: VectorPairs) -> FloatArray:
+        """Return rotations of epochs, (n, 3, 3), NaN where there is none."""
+        if self.weights == "covariance":
+            return wahba(pairs).R_nb
+        return rotations.from_euler(*rotations.to_euler(paper_matrix(pairs)).T)
+
+    def _notes(self, used: Mapping[str, int], rank: int) -> list[str]:
+        notes = [f"Pairs: {', '.join(f'{count} of {kind}' for kind, count in used.items())}."]
+        if rank == 2 and self.weights == "equal":
+            notes += ["Angles are read from the paper's matrix, which is not quite a rotation."]
+        if count := used.get("velocity", 0):
             notes += [
                 f"Velocity stands for x_b at {count} epochs: no sideslip, no angle of attack."
             ]
-        notes += [swing] if has_velocity and track.arm_b_m.any() else []
-        return Estimate(
-            method=self.name,
-            t_s=track.t_s[keep],
-            epochs=track.epochs,
-            R_nb=R_nb[keep],
-            p_n_m=track.p_n_m[keep] - R_nb[keep] @ track.arm_b_m,
-            v_n_mps=v_n_mps if has_velocity else None,
-            unobservable=tuple(_OPEN_ABOUT[s] for s in sources) if rank == 1 else (),
-            losses=(*losses, *lost),
-            notes=tuple(notes),
-        )
+        return notes
 
-    def _rotations(self, pairs: VectorPairs) -> FloatArray:
-        """Return rotations of the paper's matrices, (n, 3, 3), NaN where there is none."""
-        if self.orthogonalise:
-            return paper_rotation(pairs)
-        return rotations.from_euler(*rotations.to_euler(paper_matrix(pairs)).T)
 
-    def _reading(self) -> str:
-        if self.orthogonalise:
-            return "Attitude is the rotation nearest to the paper's matrix."
-        return "Angles are read from the paper's matrix, which is not quite a rotation."
+def weighted(**settings: Any) -> ClosedForm:  # noqa: ANN401  # those of ClosedForm
+    """Return the closed form with each vector weighted by its variance."""
+    return ClosedForm(weights="covariance", name="closed-form-weighted", **settings)
 
-    def _lost(self, reason: str, keep: BoolArray) -> tuple[Loss, ...]:
-        """Return the loss of epochs that are not kept; raise if none is."""
-        count = int((~keep).sum())
-        if not keep.any():
-            raise NoSolutionError(f"attitude: {reason} at any of {count} epochs")
-        return (Loss(what="epoch", reason=reason, count=count),) if count else ()
+
+def _track(flight: Flight, *, needed: bool) -> Track | None:
+    """Return the track that directions need; None where an array does without."""
+    try:
+        return track_of(flight)
+    except NoSolutionError:
+        if needed:
+            raise
+        return None
+
+
+def _rank(array: _Array | None, ranks: IntArray) -> int:
+    """Return 2 where epochs determine the attitude, 1 where an axis is left open.
+
+    An array on a line leaves it open where other vectors join it at few epochs only.
+    """
+    if array is not None and collinear(array.differences.baselines_b_m):
+        return 2 if (ranks >= 2).sum() >= (ranks == 1).sum() else 1
+    return min(2, int(ranks.max(initial=0)))
+
+
+def _covariance(
+    solve: Callable[[VectorPairs], FloatArray],
+    epochs: _Epochs,
+    array: _Array | None,
+    attitude: VectorAttitude,
+) -> FloatArray:
+    """Return the covariance of attitudes, (n, 3, 3), from the noise of all pairs, first order."""
+    pairs = epochs.pairs
+    S = sensitivity(solve, pairs)
+    variance = np.where(pairs.valid, 1 / np.where(pairs.valid, pairs.weight, 1.0), 0.0)
+    if array is not None:  # baselines share antennas: theirs is counted link by link
+        variance[:, _kinds(pairs) == _BASELINE] = 0.0
+    covariance = np.einsum("nk,nkia,nkja->nij", variance, S, S)
+    if array is not None:
+        rows, count = epochs.array_rows, len(array.differences.baselines_b_m)
+        covariance[rows] += array.baselines.attitude_covariance_rad2(S[rows, :count])
+    return attitude.with_open_axis(covariance)
+
+
+def _kinds(pairs: VectorPairs) -> NDArray[np.str_]:
+    """Return the kind of each pair, (k,): its source, of baselines without the antenna."""
+    return np.array([_BASELINE if s.startswith(_BASELINE) else s for s in pairs.sources], dtype=str)
+
+
+def _recorded(flight: Flight) -> int:
+    """Return the number of epochs of raw data, or else of fixes."""
+    return next(len(one.t_s) for one in (flight.observations, flight.fixes) if one is not None)
+
+
+def _motion(
+    flight: Flight, track: Track | None, t_s: FloatArray, keep: BoolArray, R_nb: FloatArray
+) -> BodyMotion:
+    """Return the body's motion by code, or by the fixes of one antenna at some of their epochs."""
+    if track is None or flight.observations is not None:
+        return body_motion(flight, t_s, R_nb)
+    v_n_mps = None if track.v_n_mps is None else track.v_n_mps[keep]
+    swing = "Velocity is that of the antenna: its swing about the body is unknown."
+    has_swing = v_n_mps is not None and track.arm_b_m.any()
+    return BodyMotion(
+        p_n_m=track.p_n_m[keep] - R_nb @ track.arm_b_m,
+        v_n_mps=v_n_mps,
+        notes=(swing,) if has_swing else (),
+    )
+
+
+def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, ...]:
+    """Return the names of what vectors on one line leave open."""
+    if array is not None and _BASELINE in used:
+        return (axis_name(array.differences.baselines_b_m),)
+    return tuple(_OPEN_ABOUT[kind] for kind in used)
+
+
+def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:
+    """Return the loss of epochs that are not kept; raise if none is."""
+    count = int((~keep).sum())
+    if not keep.any():
+        raise NoSolutionError(f"attitude: {reason} at any of {count} epochs")
+    return (Loss(what="epoch", reason=reason, count=count),) if count else ()

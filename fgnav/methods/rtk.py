@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, weighted_baselines
-from fgnav.attitude.vector_pairs import collinear, wahba
+from fgnav.attitude.vector_pairs import collinear, sensitivity, wahba
 from fgnav.checks import BadInputError, Loss, NoSolutionError
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
@@ -60,6 +60,8 @@ class Rtk:
         names = tuple(antenna.name for antenna in flight.antennas[1:])
         pairs = baselines.pairs(differences.baselines_b_m, names)
         attitude = wahba(pairs)
+        S = sensitivity(lambda moved: wahba(moved).R_nb, pairs)
+        covariance = attitude.with_open_axis(baselines.attitude_covariance_rad2(S))
         line = collinear(differences.baselines_b_m)
         keep = attitude.rank == (1 if line else 2)
         lost = Loss(
@@ -76,7 +78,7 @@ class Rtk:
             t_s=t_s,
             epochs=len(flight.observations.t_s),
             R_nb=R_nb,
-            attitude_covariance_rad2=baselines.attitude_covariance_rad2(pairs, attitude)[keep],
+            attitude_covariance_rad2=covariance[keep],
             p_n_m=motion.p_n_m,
             position_covariance_m2=motion.position_covariance_m2,
             v_n_mps=motion.v_n_mps,

@@ -25,7 +25,9 @@ from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.estimates import estimate_of
+from fgnav.methods.smoothing.graph_summary import graph_summary
 from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
 from fgnav.methods.smoothing.solving import (
@@ -65,10 +67,11 @@ class Smoother:
     estimate : tuple of str
         What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
         ``frontend.calibration_request``.
-    factors : tuple
-        Sources of factors of one's own: callables ``(flight, timeline)`` that yield GTSAM factors,
-        names of installed ones (entry points ``fgnav.factors``), or manifests of networks
-        (``neural``); see ``graph.custom``.
+    factors : tuple or None
+        Sources of custom factors: callables ``(flight, timeline)`` that yield GTSAM factors, names
+        of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
+        see ``graph.custom``. None: the gravity network, where neither a gyroscope nor an array
+        measures the attitude throughout (``smoothing.default_networks``).
     solver : {"gtsam", "chain"}
         GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain, which
         is the default where GTSAM is not installed.
@@ -100,7 +103,7 @@ class Smoother:
     resolver: Resolver = field(default_factory=default_resolver)
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
-    factors: tuple[FactorSource | str, ...] = ()
+    factors: tuple[FactorSource | str, ...] | None = None
     solver: Solver = "gtsam" if HAS_GTSAM else "chain"
     rate_prior: RatePrior | None = None
     sub_steps: int | None = None
@@ -270,7 +273,10 @@ class Smoother:
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
-        prepared, sourced = own_factors(self.factors, flight, prepared)
+        sources, refusals = self.factors or (), tuple[str, ...]()
+        if self.factors is None and self.solver != "chain":
+            sources, refusals = default_networks(flight)
+        prepared, sourced = own_factors(sources, flight, prepared)
         own = sourced.factors
         if own and self.solver == "chain":
             raise BadInputError(
@@ -293,8 +299,9 @@ class Smoother:
             estimate,
             consistency=tuple(one.summary for one in series),
             verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
+            graph=graph_summary(prepared.problem, sourced, solution),
             losses=(*estimate.losses, *sourced.losses),
-            notes=(*estimate.notes, *sourced.notes),
+            notes=(*estimate.notes, *sourced.notes, *refusals),
         )
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:

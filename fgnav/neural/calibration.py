@@ -24,8 +24,9 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, to_euler, transpose, wrap
+from fgnav.graph.correlation import interval_s
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.neural.correlation import Errors, half_life_s, interval_s, lasting_share, together
+from fgnav.neural.correlation import Errors, half_life_s, lasting_share, together
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import Network, load_network
 from fgnav.neural.records import Record, check_rate, of_flight

@@ -29,37 +29,16 @@ from typing import TypeAlias
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.graph.correlation import HALF_LIVES, inflation
 
 Errors: TypeAlias = tuple[FloatArray, FloatArray]
 
-HALF_LIVES = 2.0  # between outputs, see above
 _MOST_LASTING = 0.99  # some of every error is new: its rounding
 _TRIED = 200  # intervals: a few percent apart, interpolated between
 _SAME = 1e-6  # of an interval: times are rounded
 _UNEVEN = 0.01  # of an interval: beyond, an answer is missing, and a flight has no periodogram
 _LEAST_ANSWERS, _STARTS = 8, 8  # of a flight; first answers that are tried
 _BEYOND = 40.0  # the largest of 10,000 unit exponentials is above with a probability of 4e-14
-
-
-def interval_s(half_life_s: float) -> float:
-    """Return how far apart outputs are taken."""
-    return HALF_LIVES * half_life_s
-
-
-def inflation(half_life_s: float, between_s: float) -> float:
-    """Return the factor of covariances of outputs that are so far apart, or further.
-
-    Parameters
-    ----------
-    half_life_s : float
-        0 of independent errors.
-    between_s : float
-        Positive where errors are correlated.
-    """
-    if half_life_s == 0:
-        return 1.0
-    rho = 2.0 ** (-between_s / half_life_s)
-    return float((1 + rho) / (1 - rho))
 
 
 def together(

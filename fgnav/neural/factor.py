@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, IntArray, Loss, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, positive
+from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import FlightConstant, flight_constant
-from fgnav.neural.correlation import inflation, interval_s
+from fgnav.gravity import GravityDirection
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
@@ -102,6 +103,14 @@ class NeuralFactor:
         name = f"lasting error of {self.name}"
         return (flight_constant(name, axes, "", 1.0, reported=False),)
 
+    def refusal(self, flight: Flight) -> str | None:
+        """Return why a flight cannot be asked: a record is missing, or comes at another rate."""
+        try:
+            self._records({**of_flight(flight), **self._given}, flight.name)
+        except BadInputError as error:
+            return str(error)
+        return None
+
     def add(self, sensor: str, record: Record) -> None:
         """Take samples of a sensor that a stream's measurements do not have, as they come."""
         self._check(sensor, record)
@@ -125,6 +134,30 @@ class NeuralFactor:
         kept_s = float(timeline.t_s[-1]) - self._span_s
         self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}
         return self._answered({**self._so_far, **self._given}, timeline, ())
+
+    def directions(self, flight: Flight, t_s: FloatArray) -> GravityDirection | None:
+        """Return answers at times of a flight, each by itself; None of one that measures no such.
+
+        Raises
+        ------
+        BadInputError
+            As of a call.
+        """
+        manifest = self._network.manifest
+        if manifest.output.measures != "direction":
+            return None
+        records = self._records({**of_flight(flight), **self._given}, flight.name) or []
+        seen = windows(manifest.inputs, records, t_s)
+        lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
+        inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
+        answers = self._network([x[inside] for x in seen.inputs])
+        losses = (Loss(what=f"{self.name} answer", reason=r, count=n) for r, n in lost.items() if n)
+        return GravityDirection(
+            t_s=t_s[inside],
+            g_b=answers.value.reshape(-1, 3),
+            covariance=answers.covariance.reshape(-1, 3, 3),
+            losses=tuple(losses),
+        )
 
     @property
     def _span_s(self) -> float:

@@ -12,6 +12,7 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table, as_table, read_to
 from fgnav.neural.measures import MEASURES, SENSORS, Form, Measure, Quantity
 
 FORMAT: Literal["fgnav-factor/1"] = "fgnav-factor/1"
+UNKNOWN = "unknown"
 _HEX = r"^[0-9a-f]{64}$"
 _ROUNDING = 1e-9  # of a range: figures of files are rounded
 
@@ -223,12 +224,17 @@ class Origin(Table, frozen=True):
         Measured on data that it never saw; a name says the unit and the set.
     made_with : dict of str to str
         Versions and hardware.
+    command, commit, scale : str
+        That trained it, of what source, how large; ``"unknown"`` where no record was kept.
     """
 
     recipe: dict[str, Any]
     seed: int
     metrics: dict[str, float]
     made_with: dict[str, str]
+    command: Text = UNKNOWN
+    commit: Text = UNKNOWN
+    scale: Text = UNKNOWN
 
 
 class Manifest(Table, frozen=True):

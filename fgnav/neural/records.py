@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times
+from fgnav.checks import BadInputError, FloatArray, NoSolutionError, freeze, freeze_times
+from fgnav.gnss.single_point.solution import code_solution
 from fgnav.neural.measures import SENSORS
 from fgnav.types.flight import Flight
 
@@ -50,7 +51,10 @@ class Record:
 
 
 def of_flight(flight: Flight) -> dict[str, Record]:
-    """Return what a flight has recorded of each sensor that a network may see."""
+    """Return what a flight has recorded of each sensor that a network may see.
+
+    Velocities are those of the fixes, or else of the reference antenna by Doppler.
+    """
     imu, fixes, found = flight.imu, flight.fixes, {}
     if imu is not None:
         found["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
@@ -66,7 +70,21 @@ def of_flight(flight: Flight) -> dict[str, Record]:
         found["position"] = _record("position", fixes.t_s, fixes.p_n_m)
         if fixes.v_n_mps is not None:
             found["velocity"] = _record("velocity", fixes.t_s, fixes.v_n_mps)
+    if "velocity" not in found and flight.observations is not None:
+        found |= _by_doppler(flight)
     return found
+
+
+def _by_doppler(flight: Flight) -> dict[str, Record]:
+    """Return the velocities of raw observations, each by what came up to it; none without any."""
+    try:
+        code = code_solution(flight, causal=True)
+    except NoSolutionError:
+        return {}
+    if code.v_n_mps is None:
+        return {}
+    known = np.isfinite(code.v_n_mps).all(axis=1)
+    return {"velocity": _record("velocity", code.t_s[known], code.v_n_mps[known])}
 
 
 def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.stream.Measurements

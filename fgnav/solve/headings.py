@@ -1,10 +1,11 @@
 """A heading that nothing tells: all headings of the circle, each held in turn.
 
-Where accelerations are small the cost is all but level about the vertical, and a search ends
-anywhere along it. There J'J is no curvature of the cost: noise of the specific force, squared,
-looks like information, as in filters linearised at wrong headings [1]_. So the heading is
-integrated by quadrature: the rest of the flight is estimated about each of a few headings of the
-first keyframe, held fixed, and each counts by its evidence.
+Where accelerations are small the cost is all but level about the vertical, or about the specific
+force of a body without gyroscope and array, and a search ends anywhere along it. There J'J is no
+curvature of the cost: noise of the specific force, squared, looks like information, as in filters
+linearised at wrong headings [1]_. So the heading is integrated by quadrature: the rest of the
+flight is estimated about each of a few headings of the first keyframe, held fixed, and each counts
+by its evidence.
 
 References
 ----------
@@ -93,10 +94,10 @@ def _log_prior(opening: Opening, turn_rad: float) -> float:
 
 def _conditioned(problem: SmoothingProblem, opening: Opening, turn_rad: float) -> SmoothingProblem:
     """Return a problem conditional on the opening's heading turned by an angle."""
-    about_down = exp(np.array([[0.0, 0.0, turn_rad]]))[0]
+    turns = exp(turn_rad * opening.axis_n)
     start, prior = opening.problem.start, opening.problem.attitude_prior
-    R_nb = about_down @ start.R_nb
+    R_nb = turns @ start.R_nb
     p_n_m = start.p_n_m + (start.R_nb - R_nb) @ opening.arm_b_m
     if prior is not None:
-        prior = AttitudePrior(R_nb=about_down @ prior.R_nb, covariance_rad2=prior.covariance_rad2)
+        prior = AttitudePrior(R_nb=turns[0] @ prior.R_nb, covariance_rad2=prior.covariance_rad2)
     return replace(problem, start=start._replace(R_nb=R_nb, p_n_m=p_n_m), attitude_prior=prior)

@@ -1,6 +1,6 @@
 """What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -99,6 +99,33 @@ class Verdict:
             )
         of = "the record" if self.test == "record" else f"blocks of {self.test}"
         return when + f"innovations {sigmas:.2g} x their sigma (limit {most:.2g} x, {of})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GraphSummary:
+    """What the factor graph of an estimate was made of, and who solved it.
+
+    Attributes
+    ----------
+    solver : str
+        ``"gtsam.IncrementalFixedLagSmoother"``.
+    updates : int
+        Of a window, or iterations of a batch.
+    factors : dict of str to int
+        How many there are of each kind: ``{"position": 600}``.
+    networks : dict of str to dict of str to int
+        How often each network answered (``"answered"``), and why it did not otherwise.
+    """
+
+    solver: str
+    updates: int
+    factors: dict[str, int]
+    networks: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return the kinds with their counts, and the solver."""
+        kinds = ", ".join(f"{count} {name}" for name, count in self.factors.items())
+        return f"{kinds}; {self.solver}, {self.updates} updates"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,6 +238,8 @@ class Estimate:
         Innovations of a method that states them, by kind of measurement.
     verdicts : tuple of Verdict
         Sensors that contradict the others, or their own noise.
+    graph : GraphSummary or None
+        Of methods that have one.
     constants : tuple of Constant
         What was estimated with the flight and holds for all of it.
     notes : tuple of str
@@ -249,6 +278,7 @@ class Estimate:
     consistency: tuple[Consistency, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     constants: tuple[Constant, ...] = ()
+    graph: GraphSummary | None = None
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

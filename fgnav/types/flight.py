@@ -13,7 +13,7 @@ from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.summaries import summary, summary_html
 from fgnav.types.surroundings import Barometer, Magnetometer
-from fgnav.types.vehicle import WheeledVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 __all__ = [
     "Antenna",
@@ -198,7 +198,7 @@ class Flight:
     gnss_noise : GnssNoise
     base : Base or None
     imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
-    vehicle : WheeledVehicle or None
+    vehicle : WheeledVehicle, FinnedVehicle or None
         What it may be taken to do.
     standstill : bool
         Whether it may be taken to stand still where samples and GNSS say so.
@@ -232,7 +232,7 @@ class Flight:
     seeker: Seeker | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
-    vehicle: WheeledVehicle | None = None
+    vehicle: WheeledVehicle | FinnedVehicle | None = None
     standstill: bool = False
     initial: InitialAttitude | None = None
     truth: Truth | None = None

@@ -37,6 +37,9 @@ class GnssNoise:
     wind_up : bool
         Whether turns of antennas wind up their phases: of all receivers they do, of simulated ones
         where the scenario says so.
+    message_errors : bool
+        Whether messages and models of the atmosphere err as they state: of all satellites they do,
+        of simulated ones where the scenario says so.
     satellite_error_rate_mps, satellite_error_walk_m_per_sqrt_s : float
         How errors of a satellite's messages and of the atmosphere's models move: 1-sigma of a
         constant rate, and of a random walk. Defaults are those of the hour of the IGS station WTZR,
@@ -50,6 +53,7 @@ class GnssNoise:
     elevation_weights: ElevationWeights = "sine"
     unstated: tuple[str, ...] = ()
     wind_up: bool = True
+    message_errors: bool = True
     satellite_error_rate_mps: float = 2.3e-4
     satellite_error_walk_m_per_sqrt_s: float = 2.2e-3
 

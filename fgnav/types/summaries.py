@@ -69,6 +69,7 @@ def _of_estimate(estimate: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  
         "states": _list([name for name, value in states.items() if value is not None]),
         "sigma": sigma,
         "ended": ended + open_,
+        **({} if estimate.graph is None else {"graph": str(estimate.graph)}),
     }
 
 

@@ -1,7 +1,7 @@
 """The command ``fgnav train``; everything heavy is imported when it runs."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,7 +16,6 @@ _TRAINERS: Mapping[str, str] = {
     "trust": "fgnav_models.training.trust.trainer:run",
     "velocity": "fgnav_models.training.velocity.trainer:run",
 }
-_THROUGH_SMOOTHER = ("gravity",)  # kinds that know --train-through smoother
 _LOG_S = 10.0  # between lines of train.log
 
 
@@ -27,9 +26,9 @@ def train(
     out: Path,
     scale: Literal["smoke", "cpu", "paper"] = "cpu",
     device: Literal["cpu", "cuda"] = "cpu",
-    train_through: Literal["alone", "smoother"] = "alone",
     resume: bool = False,
     slice_s: float = 480.0,
+    plan: bool = False,
 ) -> None:
     """Train networks from a recipe.
 
@@ -48,14 +47,15 @@ def train(
         smoke (seconds), cpu (an hour on two cores) or paper (days without a GPU).
     device : str
         cpu, or cuda for one NVIDIA GPU.
-    train_through : str
-        alone, or smoother: trained on by the likelihood of the truth under a smoother's posterior,
-        and compared on held-out flights.
     resume : bool
         Go on with what the folder holds.
     slice_s : float
         Seconds after which to stop with a checkpoint.
+    plan : bool
+        Take two steps of each network in the place of all, and print what all would cost; what is
+        written is good for nothing else.
     """
+    from math import inf  # noqa: PLC0415
     from time import perf_counter  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError, positive  # noqa: PLC0415
@@ -72,14 +72,14 @@ def train(
     content = read_toml(recipe)
     kind = content.pop("kind", None)
     trainer = _trainer(recipe, kind, device)
-    if train_through == "smoother" and kind not in _THROUGH_SMOOTHER:
-        raise BadInputError(
-            f"--train-through smoother: takes recipes of kind {', '.join(_THROUGH_SMOOTHER)}, "
-            f"{recipe} is of kind {kind}"
-        )
     from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds
+    from fgnav_models.training.plan import cost_lines, planned  # noqa: PLC0415
 
-    with _watched(made_folder(out) / "train.log") as watch:
+    start_s = perf_counter()
+    with (
+        _watched(made_folder(out) / "train.log") as watch,
+        planned() if plan else nullcontext() as costs,
+    ):
         lines = trainer(
             Order(
                 recipe=recipe,
@@ -87,11 +87,13 @@ def train(
                 out=out,
                 scale=scale,
                 device=device,
-                deadline_s=perf_counter() + slice_s,
+                deadline_s=inf if plan else perf_counter() + slice_s,
                 watch=watch,
-                through=train_through,
+                plan=plan,
             )
         )
+    if costs is not None:
+        lines = cost_lines(costs, device, perf_counter() - start_s)
     if lines is None:
         lines = [f"not done after {slice_s:g} s: the same command with --resume goes on"]
     print("\n".join(lines))  # noqa: T201

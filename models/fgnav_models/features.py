@@ -98,28 +98,6 @@ def ambiguity_inputs(
     return np.concatenate(columns, axis=1).astype(np.float32)
 
 
-def windows(first: IntArray, rows: IntArray, k: int) -> IntArray:
-    """Return the rows that each answer sees, (n, k), oldest first; its own is the last.
-
-    Parameters
-    ----------
-    first : ndarray of int, shape (all,)
-        First row of the run that each row belongs to.
-    rows : ndarray of int, shape (n,)
-        Rows to answer; each has ``k - 1`` rows of its own run before it.
-
-    Raises
-    ------
-    BadInputError
-        If a window would reach into another run.
-    """
-    seen = rows[:, None] + np.arange(1 - k, 1)
-    if (seen[:, 0] < first[rows]).any():
-        row = int(rows[np.argmax(seen[:, 0] < first[rows])])
-        raise BadInputError(f"window {k}: reaches before its run's start, first at row {row}")
-    return np.asarray(seen)
-
-
 def _turned(phase_cycles: FloatArray, of: np.ufunc) -> FloatArray:
     is_present = np.isfinite(phase_cycles)
     return np.asarray(

@@ -38,10 +38,17 @@ _SUMMARY = "".join(
         "wrong",
         "spoilt",
         "clean",
+        "seen",
     )
 )
 # Line style by what a method is, colour by place: Okabe and Ito's set without yellow.
-_STYLES = {"closed form": "-", "smoother": "--", "maximum likelihood": ":", "RTK": "-."}
+_STYLES = {
+    "closed form": "-",
+    "closed form weighted": "-",
+    "smoother": "--",
+    "maximum likelihood": ":",
+    "RTK": "-.",
+}
 _COLOURS = ("#E69F00", "#D55E00", "#CC79A7", "#56B4E9", "#009E73", "#000000", "#0072B2")
 
 
@@ -61,6 +68,7 @@ class Restitution:
     # (readings, methods); RMSE over epochs without a wrong integer, mean of angles and of flights
     # that have such
     clean_deg: FloatArray
+    seen_deg: FloatArray  # (readings, methods); likewise over epochs that see the landmark
     # why flights had no answer at all, by reading and method
     failures: dict[tuple[str, str], list[str]]
     seeds: int
@@ -87,7 +95,7 @@ def summed_up(runs: Sequence[Run]) -> Restitution:
     seeds = sorted({run.case.seed for run in runs})
     shape = (len(readings), len(methods), len(MOTIONS), len(amplitudes), len(seeds))
     rmse_deg, shares = np.full((*shape, 3), np.nan), np.full((*shape, 4), np.nan)
-    clean_deg = np.full(shape, np.nan)
+    clean_deg, seen_deg = np.full((2, *shape), np.nan)
     failures: dict[tuple[str, str], list[str]] = {}
     for run in runs:
         case = run.case
@@ -98,7 +106,7 @@ def summed_up(runs: Sequence[Run]) -> Restitution:
             amplitudes.index(case.amplitude_deg),
             seeds.index(case.seed),
         )
-        rmse_deg[at], clean_deg[at] = run.rmse_deg, run.clean_deg
+        rmse_deg[at], clean_deg[at], seen_deg[at] = run.rmse_deg, run.clean_deg, run.seen_deg
         shares[at] = run.available, run.fixed, run.wrong, run.spoilt
         if run.failure:
             failures.setdefault((case.reading.name, run.method), []).append(run.failure)
@@ -109,6 +117,7 @@ def summed_up(runs: Sequence[Run]) -> Restitution:
         rmse_deg=np.sqrt(finite_mean(rmse_deg**2, 4)),
         shares=finite_mean(shares.reshape(*shape[:2], -1, 4), 2),
         clean_deg=finite_mean(clean_deg.reshape(*shape[:2], -1), 2),
+        seen_deg=finite_mean(seen_deg.reshape(*shape[:2], -1), 2),
         failures=failures,
         seeds=len(seeds),
     )
@@ -140,8 +149,9 @@ def summary_lines(figures: Restitution) -> list[str]:
             angles = "".join(f"{_figure(value, 3):>8}" for value in overall_deg[m])
             ratio = _figure(overall_deg[m, 3] / overall_deg[best, 3], 2)
             percents = "".join(f"{_figure(100 * share, 2):>8}" for share in figures.shares[r, m])
-            clean = _figure(figures.clean_deg[r, m], 3)
-            lines.append(f"{name:{width}} {angles}{ratio:>8}{percents}{clean:>8}")
+            some = (figures.clean_deg[r, m], figures.seen_deg[r, m])
+            parts = "".join(f"{_figure(value, 3):>8}" for value in some)
+            lines.append(f"{name:{width}} {angles}{ratio:>8}{percents}{parts}")
     return [*lines, "", *_legend(figures)]
 
 
@@ -220,7 +230,7 @@ def _legend(figures: Restitution) -> list[str]:
         f"ratio: of the mean to that of {BY_RIGHT_INTEGERS}. epochs: % with an answer. "
         "fixed: % of the integers. wrong: % of these.",
         "spoilt: % of the answered epochs that hold a wrong integer. clean: mean RMSE over the "
-        "others. –: no answer in some flights.",
+        "others. seen: over those that see the landmark. –: no answer in some flights.",
         *missing,
         *failed,
     ]
@@ -255,7 +265,9 @@ def _table_rows(figures: Restitution) -> list[list[str]]:
 
 def _run_rows(runs: Sequence[Run]) -> list[list[str]]:
     head = "reading code_m phase_m motion amplitude_deg seed method roll_deg pitch_deg yaw_deg"
-    rows = [[*head.split(), "available", "fixed", "wrong", "spoilt", "clean_deg", "failure"]]
+    rows = [
+        [*head.split(), "available", "fixed", "wrong", "spoilt", "clean_deg", "seen_deg", "failure"]
+    ]
     for run in runs:
         case, reading = run.case, run.case.reading
         figures = (
@@ -265,6 +277,7 @@ def _run_rows(runs: Sequence[Run]) -> list[list[str]]:
             run.wrong,
             run.spoilt,
             run.clean_deg,
+            run.seen_deg,
         )
         of_case = [f"{reading.code_m:g}", f"{reading.phase_m:g}", case.motion]
         of_case += [str(case.amplitude_deg), str(case.seed)]

@@ -10,6 +10,7 @@ import numpy as np
 from fgnav.checks import Loss
 from fgnav.types.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.types.vehicle import FinnedVehicle
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
@@ -20,7 +21,9 @@ from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.sensors import detector, inertial
 from fgnav_sim.sensors.surroundings import point, press
+from fgnav_sim.vehicle.tables import Vehicle
 
+_STILL = 1e-6  # m/s and m per root second, of satellites without errors: far below any noise
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
 
@@ -75,9 +78,9 @@ def simulate_many(
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
         moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
-        for k, ((settled, losses), (_, draws), stream) in enumerate(parts, start=first):
+        for k, ((settled, losses), (one, draws), stream) in enumerate(parts, start=first):
             flight = _sensed(settled, stream, _part(progress, k, len(rngs)))
-            flight = replace(flight, losses=losses + flight.losses)
+            flight = replace(flight, losses=losses + flight.losses, vehicle=_finned(one))
             yield Simulated(flight=flight, draws=draws)
 
 
@@ -90,6 +93,14 @@ def _moving(
     from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
 
     return take_off(scenarios, rngs)
+
+
+def _finned(scenario: Scenario) -> FinnedVehicle | None:
+    """Return what a flight states of its vehicle: that fins hold it in the air, if any do."""
+    flown = scenario.flown
+    if flown is None or not isinstance(flown.vehicle, Vehicle) or flown.vehicle.fins is None:
+        return None
+    return flown.vehicle.fins.stated()
 
 
 def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:
@@ -188,15 +199,17 @@ def _orbits(
 
 def _noise(gnss: GnssTable) -> GnssNoise:
     """Return what estimators are told of a link: its noise and echoes from anywhere together."""
-    echoes = gnss.multipath
+    echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
+    rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(
         code_m=math.hypot(gnss.code_noise_m, echoes.code_m if echoes else 0.0),
         phase_m=math.hypot(gnss.phase_noise_m, echoes.phase_m if echoes else 0.0),
         doppler_mps=gnss.doppler_noise_mps,
         elevation_weights=gnss.elevation_weights,
         wind_up=gnss.wind_up,
-        satellite_error_rate_mps=gnss.satellite_error_rate_mps,
-        satellite_error_walk_m_per_sqrt_s=gnss.satellite_error_walk_m_per_sqrt_s,
+        message_errors=errs,
+        satellite_error_rate_mps=rate_mps if errs else _STILL,
+        satellite_error_walk_m_per_sqrt_s=walk if errs else _STILL,
     )
 
 

@@ -28,7 +28,9 @@ def test_several_go_together(flight):
     assert np.isnan(less.observations.doppler_hz).all()
 
 
-@pytest.mark.parametrize("kind", ["gyroscope", "seeker", "fixes", "barometer", "magnetometer"])
+@pytest.mark.parametrize(
+    "kind", ["gyroscope", "line-of-sight", "fixes", "barometer", "magnetometer"]
+)
 def test_what_is_not_there_cannot_be_left_out(flight, kind):
     with pytest.raises(BadInputError, match=f"without {kind}: flight .* has none"):
         without(flight, (kind,))

@@ -165,13 +165,13 @@ def test_a_part_and_an_ablation_of_one_flight(batch, tmp_path):
     [
         (["--without", "radar"], "without radar: not one of"),
         (["--without", "gravity"], "--without gravity: there is none without --gravity"),
-        (["--without", "seeker"], "without seeker: flight"),
+        (["--without", "line-of-sight"], "without line-of-sight: flight"),
         (["--from", "9", "--until", "1"], "--from 9 --until 1: the first must be the earlier"),
         (["--from", "99"], "measured nothing then"),
     ],
 )
 def test_what_cannot_be_done_is_one_line(batch, options, text, capsys):
-    command = ["compare", str(batch / "0001"), "--method", "closed-form", *options]
+    command = ["compare", str(batch / "0001"), "--method", "rtk", *options]
     assert cli.main(command) == 2
     error = capsys.readouterr().err
     assert text in error

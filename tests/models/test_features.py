@@ -7,7 +7,6 @@ from fgnav_models.features import (
     ambiguity_inputs,
     by_elevation,
     double_differences,
-    windows,
     wrapped,
 )
 
@@ -84,13 +83,6 @@ def test_four_satellites_dilute_as_the_textbook_says():
 def test_satellites_stand_by_falling_elevation_and_empty_slots_last():
     order = by_elevation(np.array([[0.3, np.nan, 1.2, 0.3]]))
     np.testing.assert_array_equal(order, [[2, 0, 3, 1]])
-
-
-def test_windows_end_with_their_own_row_and_stay_in_their_run():
-    first = np.array([0, 0, 0, 3, 3, 3])
-    np.testing.assert_array_equal(windows(first, np.array([2, 5]), 3), [[0, 1, 2], [3, 4, 5]])
-    with pytest.raises(BadInputError, match=r"window 3: reaches before its run's start, .* row 4"):
-        windows(first, np.array([2, 4]), 3)
 
 
 @pytest.mark.parametrize("names", [(), ("range", "clock")])

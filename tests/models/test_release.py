@@ -1,5 +1,9 @@
 """From torch to ONNX: the same numbers, or no release."""
 
+import re
+import subprocess
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
@@ -9,6 +13,7 @@ from fgnav.neural.integers import integer_answers
 from fgnav.neural.manifest import Covariance
 from fgnav.neural.measures import Sensor
 from fgnav_models.runtime.load import load
+from fgnav_models.training import release as made
 from fgnav_models.training.ambiguity.nets import AmbiguityNet, Architecture, whitened
 from fgnav_models.training.ambiguity.released import Answer
 from fgnav_models.training.contract import (
@@ -18,7 +23,18 @@ from fgnav_models.training.contract import (
     manifest_of,
     words_and_figures,
 )
+from fgnav_models.training.order import Order
 from fgnav_models.training.release import AGREEMENT, made_with, release
+
+ORDER = Order(
+    recipe=Path("mine.toml"),
+    content={},
+    out=Path(),
+    scale="smoke",
+    device="cpu",
+    deadline_s=0.0,
+    watch=print,
+)
 
 
 def manifest(name="toy", *, channels=4, window=1, form=None):
@@ -26,7 +42,7 @@ def manifest(name="toy", *, channels=4, window=1, form=None):
     words = Release(name=name, purpose="A test.", notes={}, domain={})
     one = epoch_input("x", "lengths", Sensor("m", "none", channels), window)
     _, figures = words_and_figures({"satellites": [4, 8]})
-    origin = made_with(5, {"steps": 3}, {})
+    origin = made_with(5, {"steps": 3}, {}, ORDER)
     output = integers_output("y", form or Covariance(form="none"))
     return manifest_of(words, (one,), output, figures, origin)
 
@@ -35,6 +51,7 @@ def words(**notes):
     return Release(name="toy", purpose="A test.", notes=notes, domain={"array": "any"})
 
 
+IDENTITY = ["-c", "user.name=tester", "-c", "user.email=tester@localhost"]
 METRICS = {"accuracy_test_percent": 99.25}
 
 
@@ -62,7 +79,11 @@ def test_a_release_loads_and_answers_like_torch(tmp_path):
     card = (tmp_path / "toy.md").read_text(encoding="utf-8")
     for part in ("# toy", "No clock.", "satellites: 4 to 8", "99.25", made.sha256, "toy.json"):
         assert part in card
-    assert load(tmp_path / "toy.json").manifest.origin.recipe == {"steps": 3}
+    origin = load(tmp_path / "toy.json").manifest.origin
+    assert origin.recipe == {"steps": 3}
+    assert origin.command == "fgnav train mine.toml --scale smoke"
+    assert origin.command in card
+    assert origin.made_with["torch"] == torch.__version__
 
 
 def test_half_precision_halves_the_file_and_still_agrees_with_its_own_torch_module(tmp_path):
@@ -128,3 +149,17 @@ def test_every_kind_of_ambiguity_network_can_be_released(tmp_path, task, kind, h
     release(Answer(net), [windows], made, words(), {}, tmp_path, half=True)
     cycles = integer_answers(load(tmp_path / "net.json"), [windows]).value
     assert np.abs(cycles).max() <= 16 or head == "residual"
+
+
+def test_the_commit_is_that_of_this_source_or_unknown(tmp_path, monkeypatch):
+    monkeypatch.setattr(made, "__file__", str(tmp_path / "release.py"))
+    assert made_with(5, {}, {}).commit == "unknown"
+    for command in (["init", "-q"], ["commit", "-q", "--allow-empty", "-m", "other"]):
+        subprocess.run(["git", "-C", str(tmp_path), *IDENTITY, *command], check=True)
+    assert made_with(5, {}, {}).commit == "unknown"  # of a repository that is not this one
+    (tmp_path / "release.py").touch()
+    for command in (["add", "."], ["commit", "-q", "-m", "source"]):
+        subprocess.run(["git", "-C", str(tmp_path), *IDENTITY, *command], check=True)
+    assert re.fullmatch(r"[0-9a-f]{7,}", made_with(5, {}, {}).commit)
+    (tmp_path / "release.py").write_text("changed")
+    assert made_with(5, {}, {}).commit.endswith("-dirty")

@@ -109,7 +109,7 @@ class Level:
 
 
 def test_estimate_without_integers_is_not_judged(monkeypatch):
-    monkeypatch.setattr(restitution, "estimators", lambda: (Level(),))
+    monkeypatch.setattr(restitution, "estimators", lambda: ((Level(), True),))
     (run,) = restitute([PRECISE], processes=1)
     assert run.failure == "no truth, or no integers, to judge by"
 

@@ -12,6 +12,10 @@ import torch
 from safetensors.torch import save_file
 
 from fgnav.checks import BadInputError, NoSolutionError
+from fgnav.cli import main
+from fgnav.io.atomic_write import made_folder
+from fgnav.neural.manifest import read_manifest
+from fgnav_models.training.plan import cost_lines, planned
 from fgnav_models.training.train import Settings, train
 from tests.models.training_run import SETTINGS, batch, error, learn, network, squares
 
@@ -146,3 +150,27 @@ def test_a_loss_that_is_no_number_ends_the_run(tmp_path):
 
     with pytest.raises(NoSolutionError, match="the loss is nan at step 7; lower learning_rate"):
         train(network(), batch, broken, SETTINGS, tmp_path / "nan.safetensors")
+
+
+def test_a_plan_takes_two_steps_and_names_the_cost_of_all(tmp_path):
+    net = network()
+    with planned() as costs:
+        trained = learn(net, made_folder(tmp_path / "net") / "checkpoint.safetensors")
+    assert trained.finished
+    assert trained.step == 2
+    (cost,) = costs
+    assert (cost.name, cost.parameters, cost.steps) == ("net", 81, SETTINGS.steps)
+    assert 0 < cost.training_s == cost.steps * cost.step_s
+    assert learn(network(), tmp_path / "whole.safetensors").step == SETTINGS.steps
+    *_, total = cost_lines([cost, cost], "cuda", 3.0)
+    assert f"in all {2 * cost.training_s / 3600:.3g} h of cuda for 2 networks, and 3 s" in total
+
+
+def test_the_command_plans_a_recipe_and_its_networks_say_that_they_are_no_good(tmp_path, capsys):
+    command = ["train", "ambiguity", "--scale", "smoke", "--plan", "--out", str(tmp_path / "plan")]
+    assert main(command) == 0
+    *networks, total = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in networks] == ["classification", "regression"]
+    assert total.startswith("in all ")
+    (manifest, _) = sorted((tmp_path / "plan").glob("*.json"))
+    assert read_manifest(manifest).origin.command.endswith(" --plan")

@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from fgnav.geometry import rotations
+from fgnav.geometry.interpolation import interpolate
+from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import check_factor, jacobian_misfit
 from fgnav.graph.keys import Timeline, constant, pose, velocity
 from fgnav.neural import NeuralFactor, Record
-from fgnav.neural.correlation import half_life_s, inflation, interval_s, together
+from fgnav.neural.correlation import half_life_s, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
+from fgnav.neural.records import of_flight
 from tests.methods.simulated import flown
 from tests.neural import graphs, sun_compass
 
@@ -242,3 +245,11 @@ def test_answers_that_err_alike_throughout_are_together_as_sure_as_one():
 
 def timeline(t_s):
     return Timeline(t_s=t_s, gyroscope=True)
+
+
+def test_velocities_of_raw_observations_are_those_that_a_network_sees():
+    flight = flown("demo", span_s=3.0)
+    record = of_flight(flight)["velocity"]
+    truth = interpolate(record.t_s, flight.truth.t_s, flight.truth.v_n_mps)
+    assert len(record.t_s) == len(flight.observations.t_s)
+    assert np.abs(record.values - truth).max() < 1.0

@@ -5,16 +5,11 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.keys import Timeline, constant, pose
 from fgnav.methods.smoother import Batch
 from fgnav.neural import NeuralFactor
-from fgnav.neural.correlation import (
-    half_life_s,
-    inflation,
-    interval_s,
-    lasting_share,
-    together,
-)
+from fgnav.neural.correlation import half_life_s, lasting_share, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
 from tests.frontend import flights

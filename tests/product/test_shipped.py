@@ -1,15 +1,14 @@
 """What comes along with the packages, by name."""
 
 import json
-from pathlib import Path
 
 import pytest
 
-import fgnav_models
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.io.strict_toml import read_toml
+from fgnav.neural.manifest import read_manifest
 from fgnav.shipped import file_or_shipped, shipped, summary
-from fgnav_models.runtime.load import released
 from fgnav_sim.data_sets.world import load_world
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.vehicle.tables import load_vehicle
@@ -40,11 +39,20 @@ def test_every_scenario_vehicle_and_world_loads_by_name():
             assert load(name).name
 
 
-def test_every_released_network_has_a_card():
-    factors = {
-        path.stem for path in (Path(fgnav_models.__file__).parent / "factors").glob("*.onnx")
-    }
-    assert set(released()) | factors == set(shipped("fgnav_models", "cards"))
+def test_every_released_network_has_a_card_and_the_command_that_makes_it_again(capsys):
+    networks = shipped("fgnav_models", "weights") | shipped("fgnav_models", "factors")
+    assert set(networks) == set(shipped("fgnav_models", "cards"))
+    for name, file in networks.items():
+        origin = read_manifest(file.with_suffix(".json")).origin
+        assert main(["cards", name, "--reproduce"]) == 0
+        *notes, command = capsys.readouterr().out.splitlines()
+        assert f"# commit: {origin.commit}" in notes
+        trained, _, rest = command.removeprefix("fgnav train ").partition(" ")
+        assert rest == f"--scale {origin.scale} --out {name}"
+        recipe = read_toml(file_or_shipped(trained, "fgnav_models", "recipes"))
+        assert origin.scale in recipe["scale"]
+        assert origin.metrics
+        assert origin.recipe
 
 
 def test_a_file_of_one_s_own_goes_before_a_name(tmp_path, monkeypatch):

@@ -4,7 +4,6 @@ import gc
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,15 +34,15 @@ def _loading() -> Iterator[None]:
 def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import SMOOTHERS, WITH_LAG, Options, gravity_source, method_named  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS, WITH_GRAVITY, WITH_LAG, Options, method_named  # noqa: PLC0415
 
     resolver, names = resolver_named(integers), list(_words(methods))
-    gravity, factors = gravity_source(smoother.gravity, _words(smoother.factors))
     options = Options(
-        gravity=gravity,
+        gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
         estimate=_words(smoother.estimate),
-        factors=factors,
+        factors=factors_named(smoother.factors),
         solver=smoother.solver,
         causal=smoother.causal,
         noise=smoother.noise,
@@ -52,9 +51,9 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
     takers = {
-        "--gravity": (options.gravity is not None, SMOOTHERS),
+        "--gravity": (options.gravity is not None, WITH_GRAVITY),
         "--estimate": (bool(options.estimate), SMOOTHERS),
-        "--factors": (bool(options.factors), SMOOTHERS),
+        "--factors": (options.factors is not None, WITH_GRAVITY),
         "--solver": (options.solver is not None, SMOOTHERS),
         "--noise": (options.noise is not None, SMOOTHERS),
         "--causal": (options.causal, ("smoother",)),
@@ -66,6 +65,12 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     return [method_named(name, resolver, options=options) for name in names]
 
 
+def factors_named(text: str) -> tuple[str, ...] | None:
+    """Return the sources that ``--factors`` names: none of "none"; None where it names nothing."""
+    words = _words(text)
+    return () if words == ("none",) else words or None
+
+
 def ablated(
     methods: str, integers: str, smoother: SmootherOptions, kinds: str
 ) -> "list[Estimator]":
@@ -74,23 +79,16 @@ def ablated(
     Without gravity are those alone that take it: the others never had it.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.ablation import Restricted, check_kinds  # noqa: PLC0415
-    from fgnav.methods import SMOOTHERS  # noqa: PLC0415
+    from fgnav.evaluation.ablation import GRAVITY, has_gravity, restricted  # noqa: PLC0415
 
+    named: list[Estimator] = estimators_named(methods, integers, smoother)
     out: list[Estimator] = []
     for word in _words(kinds):
         left_out = tuple(kind.strip() for kind in word.split("+"))
-        measured = tuple(kind for kind in left_out if kind != "gravity")
-        check_kinds(measured)
-        taken = measured != left_out
-        if taken and smoother.gravity is None:
+        takers = [one for one in named if GRAVITY not in left_out or has_gravity(one)]
+        if not takers:
             raise BadInputError("--without gravity: there is none without --gravity; name one")
-        own = replace(smoother, gravity=None) if taken else smoother
-        names = [name for name in _words(methods) if not taken or name in SMOOTHERS]
-        out += [
-            Restricted(name=f"{one.name} without {word}", estimator=one, without=measured)
-            for one in estimators_named(",".join(names), integers, own)
-        ]
+        out += [restricted(f"{one.name} without {word}", one, left_out) for one in takers]
     return out
 
 

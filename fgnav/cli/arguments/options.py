@@ -29,9 +29,10 @@ UntilSeconds = Annotated[
 WithoutKinds = Annotated[
     str,
     Parameter(
-        help="Run each method also without these, one after another: phase, doppler, gnss, fixes, "
-        "gyroscope, inertial, seeker, barometer, magnetometer, networks (of flight.toml), "
-        "gravity (of --gravity), separated by commas; phase+doppler leaves both out together."
+        help="Run each method also without these, one after another: baselines (of the array), "
+        "phase, doppler, gnss, fixes, gyroscope, inertial, line-of-sight, barometer, magnetometer, "
+        "vehicle, networks (of flight.toml), gravity (of networks, of --gravity), separated by "
+        "commas; phase+doppler leaves both out together."
     ),
 ]
 ReportFile = Annotated[
@@ -50,7 +51,10 @@ class SmootherOptions:
 
     gravity: Annotated[
         str | None,
-        Parameter(help="Who tells the smoother where down is: low-dynamics, or an installed one."),
+        Parameter(
+            help="Source of gravity of smoothers and closed forms: low-dynamics, or an installed "
+            "one."
+        ),
     ] = None
     estimate: Annotated[
         str,
@@ -74,8 +78,9 @@ class SmootherOptions:
     factors: Annotated[
         str,
         Parameter(
-            help="Factors of your own for the smoother, by commas: installed sources by name, "
-            "networks by their manifests, .toml or .json."
+            help="Custom factors and networks of the smoother, by commas: installed sources by "
+            "name, networks by their manifests, .toml or .json; none leaves out the gravity "
+            "network, too, which flights without gyroscope and array have by default."
         ),
     ] = ""
     causal: Annotated[

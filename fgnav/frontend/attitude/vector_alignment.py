@@ -15,6 +15,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
 from fgnav.types.flight import Flight, Imu
+from fgnav.types.vehicle import FinnedVehicle
 
 # Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
 # from them.
@@ -59,6 +60,8 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
         start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
+    if isinstance(flight.vehicle, FinnedVehicle):
+        return replace(start, rough=False, own=own)
     return replace(start, notes=_assumption_note(flight.imu, assumed), own=own)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.frontend.sensors.standstill import WINDOW_S, Standing
 from fgnav.types.flight import Imu
-from fgnav.types.vehicle import WheeledVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _FEWEST = 5  # differences, by which a sigma is known to a third
 
@@ -26,7 +26,7 @@ class RestingRates(NamedTuple):
 
 
 def resting_rates(
-    vehicle: WheeledVehicle | None,
+    vehicle: WheeledVehicle | FinnedVehicle | None,
     imu: Imu,
     t_s: FloatArray,
     stands: Standing,
@@ -38,7 +38,7 @@ def resting_rates(
     Causal: sigmas are by the seconds up to each.
     """
     w_b_radps, row = imu.w_b_radps, stands.row
-    if vehicle is None or w_b_radps is None or not len(row):
+    if not isinstance(vehicle, WheeledVehicle) or w_b_radps is None or not len(row):
         return None
     until_s = t_s[row]
     total = np.vstack([np.zeros(3), w_b_radps.cumsum(axis=0)])

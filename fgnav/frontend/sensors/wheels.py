@@ -38,10 +38,8 @@ class Wheels:
     axle: FlightConstant
 
 
-def wheels(vehicle: WheeledVehicle | None, imu: Imu, t_s: FloatArray) -> Wheels | None:
-    """Return when a vehicle's wheels constrain keyframes, (n,); None if it has none."""
-    if vehicle is None:
-        return None
+def wheels(vehicle: WheeledVehicle, imu: Imu, t_s: FloatArray) -> Wheels:
+    """Return when a vehicle's wheels constrain keyframes, (n,)."""
     second = np.floor((t_s - t_s[0]) / _EVERY_S).astype(np.int64)
     return Wheels(
         row=np.flatnonzero(np.diff(second, prepend=-1) > 0),

@@ -41,7 +41,7 @@ def _equations(
     sigma_m = growing(flight.gnss_noise, flight.gnss_noise.code_m, seen[0])
     y, variance_m2 = ranges.range_m - paths.range_m, ranges.message_variance_m2 + sigma_m**2
     if np.any(model):
-        delay_m, left_m2 = atmosphere_m(flight.broadcast, channels, p_e_m, seen, ranges.gps_s)
+        delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
         applied = np.broadcast_to(model, len(y))[:, None]
         y, variance_m2 = y - applied * delay_m, variance_m2 + applied * left_m2
     clocks = np.broadcast_to(channels.clock_of, (*y.shape, len(channels.constellations)))

@@ -170,7 +170,8 @@ def code_ranges(
         code_m + C_MPS * (states.clock_s - delay_s),
         C_MPS * states.clock_drift_sps - doppler_mps,
         states,
-        accuracy**2 + _delay_variance_m2(flight.broadcast, channels),
+        flight.gnss_noise.message_errors * accuracy**2
+        + _delay_variance_m2(flight.broadcast, channels),
     )
 
 
@@ -182,7 +183,7 @@ def _delay_variance_m2(broadcast: BroadcastOrbits | None, channels: CodeChannels
 
 
 def atmosphere_m(
-    broadcast: BroadcastOrbits | None,
+    flight: Flight,
     channels: CodeChannels,
     p_e_m: FloatArray,
     angles_rad: tuple[FloatArray, FloatArray],
@@ -192,18 +193,19 @@ def atmosphere_m(
 
     Parameters
     ----------
-    broadcast : BroadcastOrbits or None
-        Its ionosphere; none without.
+    flight : Flight
+        The ionosphere is that of its broadcast messages; none without.
     p_e_m : ndarray, shape (n, 3)
     angles_rad : tuple of ndarray, shape (n, m)
         Elevations and azimuths.
     gps_s : ndarray, shape (n,)
     """
+    broadcast, leaves = flight.broadcast, flight.gnss_noise.message_errors
     coefficients = np.zeros(8) if broadcast is None else broadcast.klobuchar
     place = geodetic(p_e_m)
     elevation = angles_rad[0].clip(_LOWEST_RAD)
     ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)
     ionosphere = ionosphere * (_L1_HZ / channels.frequency_hz) ** 2
     unmodelled_m = _TROPOSPHERE_M / (np.sin(elevation) + 0.1)
-    variance = (_IONOSPHERE_SHARE * ionosphere) ** 2 + unmodelled_m**2
+    variance = leaves * ((_IONOSPHERE_SHARE * ionosphere) ** 2 + unmodelled_m**2)
     return ionosphere + saastamoinen_m(place, elevation), variance

@@ -54,16 +54,21 @@ class FlightConstant:
 
 
 def flight_constant(
-    name: str, axes: tuple[str, ...], unit: str, sigma: float, *, reported: bool = True
+    name: str,
+    axes: tuple[str, ...],
+    unit: str,
+    sigma: FloatArray | float,
+    *,
+    reported: bool = True,
 ) -> FlightConstant:
-    """Return a constant that is zero to one sigma in all its axes."""
+    """Return a constant that is zero to a 1-sigma, of all its axes or of each, (d,)."""
     d = len(axes)
     return FlightConstant(
         name=name,
         axes=axes,
         unit=unit,
         mean=np.zeros(d),
-        covariance=sigma**2 * np.eye(d),
+        covariance=np.eye(d) * np.square(sigma),
         start=np.zeros(d),
         reported=reported,
     )

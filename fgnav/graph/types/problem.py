@@ -1,6 +1,6 @@
 """A flight as a smoother takes it: where to start, motion, measurements, constants, prior."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,12 +112,15 @@ class Opening:
         ``problem`` holds one heading fixed, about which all else turns: what is not known of it.
     arm_b_m : ndarray, shape (3,)
         From the accelerometer to the antenna, whose position it leaves where it is.
+    axis_n : ndarray, shape (1, 3) or (n, 3)
+        About which the heading is open: down, or the specific force of each keyframe.
     """
 
     problem: SmoothingProblem
     until_s: float
     heading_variance_rad2: float
     arm_b_m: FloatArray
+    axis_n: FloatArray = field(default_factory=lambda: np.array([[0.0, 0.0, 1.0]]))
 
     @property
     def keyframes(self) -> int:

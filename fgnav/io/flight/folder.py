@@ -1,7 +1,7 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -45,7 +45,7 @@ from fgnav.types.flight import (
 )
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
-from fgnav.types.vehicle import WheeledVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _T = TypeVar("_T")
 
@@ -223,15 +223,19 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     )
 
 
-def _vehicle(table: VehicleTable) -> WheeledVehicle | None:
+def _vehicle(table: VehicleTable) -> WheeledVehicle | FinnedVehicle | None:
     if table.kind is None:
-        if table != VehicleTable(standstill=True):
+        if not table.standstill:
             raise BadInputError(
-                'key vehicle.kind: is missing; add "wheeled", or state standstill = true alone'
+                'key vehicle.kind: is missing; add "wheeled" or "finned", or state '
+                "standstill = true alone"
             )
         return None
-    axes_sigma_rad = float(np.radians(table.axes_sigma_deg))
-    return WheeledVehicle(**series.values_of(table, WheeledVehicle), axes_sigma_rad=axes_sigma_rad)
+    record = WheeledVehicle if table.kind == "wheeled" else FinnedVehicle
+    names = [one.name for one in fields(record) if one.name.endswith("_rad")]
+    values = series.values_of(table, record)
+    values |= {name: float(np.radians(getattr(table, f"{name[:-3]}deg"))) for name in names}
+    return record(**values)
 
 
 def _rinex(

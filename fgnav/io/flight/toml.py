@@ -59,6 +59,7 @@ class GnssTable(Table, frozen=True, kw_only=True):
     doppler_noise_mps: float | None = None
     elevation_weights: ElevationWeights = _NOISE.elevation_weights
     wind_up: bool = _NOISE.wind_up
+    message_errors: bool = _NOISE.message_errors
     satellite_error_rate_mps: float = _NOISE.satellite_error_rate_mps
     satellite_error_walk_m_per_sqrt_s: float = _NOISE.satellite_error_walk_m_per_sqrt_s
     base: BaseTable | None = None
@@ -135,14 +136,33 @@ class MagnetometerTable(MagnetometerKeys, frozen=True, kw_only=True):
 
 
 class VehicleTable(Table, frozen=True, kw_only=True):
-    """``[vehicle]``: what its build lets it do, as of ``WheeledVehicle``, and that it may stand."""
+    """``[vehicle]``: what its build lets it do, as of ``types.vehicle``, and that it may stand."""
 
     standstill: bool = False
-    kind: Literal["wheeled"] | None = None
+    kind: Literal["wheeled", "finned"] | None = None
+    # on wheels
     position_b_m: Vector = (0.0, 0.0, 0.0)
     position_sigma_m: Positive = 1.0
     slip_mps: Positive = 0.1
     axes_sigma_deg: Positive = 3.0
+    # with fins
+    sideslip_sigma_deg: Positive = 3.0
+    attack_sigma_deg: Positive = 3.0
+    half_life_s: Positive = 1.0
+    constant_share: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.25
+    wind_sigma_mps: Positive = 3.0
+    crossflow_sigma_mps: Positive = 0.5
+
+    def __post_init__(self) -> None:
+        """Reject keys of another kind of vehicle."""
+        names = self.__struct_fields__[2:]
+        wheels, fins = names[:4], names[4:]
+        others = {"wheeled": fins, "finned": wheels, None: names}[self.kind]
+        usual = dict(zip(names, self.__struct_defaults__[2:], strict=True))
+        for name in others:
+            if getattr(self, name) != usual[name]:
+                kind = "wheeled" if name in wheels else "finned"
+                raise ValueError(f'{name}: goes with kind = "{kind}"')
 
 
 class InitialTable(Table, frozen=True, kw_only=True):

@@ -1,7 +1,7 @@
 """The files of a flight, written into a folder, and what its flight.toml says of them."""
 
 import re
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -29,6 +29,7 @@ from fgnav.types.flight import (
     Truth,
 )
 from fgnav.types.surroundings import Barometer, Magnetometer
+from fgnav.types.vehicle import FinnedVehicle
 
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -252,13 +253,17 @@ def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
         return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
-    leaning_deg = float(np.degrees(vehicle.axes_sigma_rad))
+    angles_deg = {
+        name.replace("_rad", "_deg"): float(np.degrees(getattr(vehicle, name)))
+        for name in (one.name for one in fields(vehicle))
+        if name.endswith("_rad")
+    }
     return _keys(
         flight_toml.VehicleTable,
         vehicle,
-        kind="wheeled",
+        kind="finned" if isinstance(vehicle, FinnedVehicle) else "wheeled",
         standstill=flight.standstill,
-        axes_sigma_deg=leaning_deg,
+        **angles_deg,
     )
 
 

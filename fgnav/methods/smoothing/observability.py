@@ -6,9 +6,9 @@ from fgnav.attitude.array import axis_name
 from fgnav.checks import FloatArray
 from fgnav.graph.types.problem import POSITION_PRIOR_M, VELOCITY_PRIOR_MPS, SmoothingProblem
 from fgnav.graph.types.solution import Solution
-from fgnav.types.estimate import open_angle_variance_rad2
 
 _OPEN = 0.5  # of the sigma before the flight: a state that keeps more of it is left open
+_OPEN_RAD = np.radians(15.0)  # beyond, no residual is linear in an angle: sin x = x to 1.2 % below
 _MOST = 0.5  # of keyframes: a state must be open at that share of them
 _UPRIGHT = np.cos(np.radians(20.0))  # an axis this close to the vertical has heading's name
 _AXES = ("x", "y", "z")
@@ -19,7 +19,7 @@ def undetermined(problem: SmoothingProblem, solution: Solution) -> tuple[tuple[s
     """Return the states that most keyframes leave open, by name, and a sentence on weak ones.
 
     A direction of a state is open where its sigma is more than half of what it was before the
-    flight: of a rotation that of a uniform angle, of a bias its prior.
+    flight; of a rotation, where it is more than 15 degrees.
 
     Returns
     -------
@@ -31,7 +31,7 @@ def undetermined(problem: SmoothingProblem, solution: Solution) -> tuple[tuple[s
     P = solution.covariance
     names = []
     values, vectors = np.linalg.eigh(P[:, :3, :3])
-    is_open = values[:, -1] > _OPEN**2 * open_angle_variance_rad2()
+    is_open = values[:, -1] > _OPEN_RAD**2
     if is_open.mean() > _MOST:
         axis_b = vectors[is_open, :, -1]
         axis_n = np.einsum("nij,nj->ni", solution.states.R_nb[is_open], axis_b)

@@ -31,6 +31,7 @@ class OwnFactors:
     factors: "tuple[OwnFactor, ...]" = ()
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
+    networks: tuple[str, ...] = ()  # names of those that were asked
 
 
 def own_factors(
@@ -60,7 +61,8 @@ def own_factors(
             notes += factors.notes
     asked = own_constants(asking)
     prepared = prepared.changed(lambda problem: problem.with_constants(asked))
-    return prepared, OwnFactors(tuple(made), tuple(losses), tuple(notes))
+    networks = tuple(one.name for one in asking if hasattr(one, "manifest"))
+    return prepared, OwnFactors(tuple(made), tuple(losses), tuple(notes), networks)
 
 
 def own_constants(sources: Iterable[Any]) -> tuple[FlightConstant, ...]:

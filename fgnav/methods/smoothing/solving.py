@@ -1,16 +1,24 @@
 """A prepared flight through the solvers: by a window, by its newest state, at once."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
+from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
+from fgnav.frontend.heading_open import FIXED_RAD
 from fgnav.frontend.prepared import PreparedFlight
-from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.geometry.interpolation import interpolate
+from fgnav.graph.types.problem import (
+    ROTATION_PRIOR_RAD,
+    AttitudePrior,
+    Opening,
+    SmoothingProblem,
+)
 from fgnav.graph.types.solution import Solution
 from fgnav.methods.smoothing.observability import TURN
+from fgnav.types.estimate import open_angle_variance_rad2
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
@@ -21,31 +29,35 @@ Solver: TypeAlias = Literal["gtsam", "chain"]
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
 _MISFIT = 1.5
-_ROUGHLY = 20  # iterations about a heading that is but one of several
+_ROUGHLY = 40  # iterations about a heading that is but one of several
 
 
 def by_window(
-    prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
 ) -> Solution:
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
-    problem, keep = prepared.windowed, False
+    problem, keep, added = prepared.windowed, False, None
     if not prepared.causal and is_known_late(prepared):
-        problem, keep = _at_batch(prepared, own), True
+        problem, added = _at_batch(prepared, custom)
+        keep = True
+    opening = prepared.opening
     if solver == "chain":
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
 
-        return chain.solve_fixed_lag(
-            problem, lag_s, keep_linearisation=keep, opening=prepared.opening
-        )
-    from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
+        solution = chain.solve_fixed_lag(problem, lag_s, keep_linearisation=keep, opening=opening)
+    else:
+        from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_fixed_lag(
-        problem, lag_s, own=own, keep_linearisation=keep, opening=prepared.opening
-    )
+        solution = solve_fixed_lag(
+            problem, lag_s, own=custom, keep_linearisation=keep, opening=opening
+        )
+    if added is None:
+        return solution
+    return replace(solution, covariance=solution.covariance + added)
 
 
 def by_newest(
-    prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
 ) -> Solution:
     """Return each keyframe as known from the data up to it."""
     if solver == "chain":
@@ -54,21 +66,12 @@ def by_newest(
         return chain.solve_forward(prepared.windowed, lag_s, opening=prepared.opening)
     from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_forward(prepared.windowed, lag_s, own=own, opening=prepared.opening)
+    return solve_forward(prepared.windowed, lag_s, own=custom, opening=prepared.opening)
 
 
-def at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
-    """Return each keyframe as known from all data.
-
-    Where the search starts from attitudes that assume something, it may end anywhere: then a
-    minimum counts only where it explains what was measured.
-    """
-    solution = _at_once(prepared, own, solver)
-    if not prepared.rough:
-        return solution
-    count = sum(int(part.freedom.sum()) for part in prepared.problem.measurements)
-    lost = solution.cost > _MISFIT * count
-    return replace(solution, converged=solution.converged and not lost)
+def at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
+    """Return each keyframe as known from all data."""
+    return _ended(prepared, custom, solver).solution
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
@@ -85,7 +88,7 @@ def is_known_late(prepared: PreparedFlight) -> bool:
     """Return whether only later motion determines where to linearise, without a gyroscope.
 
     Without attitudes none does before; between two of them it may have turned over: a window goes
-    on as the body last turned, and a turn too many is a minimum of its own.
+    on as the body last turned, and a turn too many is a minimum of its custom.
     """
     if prepared.imu.w_b_radps is not None:
         return False
@@ -94,68 +97,126 @@ def is_known_late(prepared: PreparedFlight) -> bool:
     return prepared.integers is None or bool((away_s > LOST_S).any())
 
 
-def _open_throughout(prepared: PreparedFlight) -> Opening | None:
-    """Return the opening of a heading that is never observable; None if it is."""
-    opening = prepared.opening
-    return opening if opening is not None and opening.until_s == np.inf else None
+class _End(NamedTuple):
+    """Where a batch ended, which problem it solved, and what other headings add to covariances."""
+
+    solution: Solution
+    problem: SmoothingProblem
+    added: FloatArray | None = None  # (n, D, D)
 
 
-def _at_batch(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> SmoothingProblem:
-    """Return the problem, its search started where the batch has the flight."""
-    batch = at_once(prepared, own, "chain" if not own else "gtsam")
-    if prepared.rough and not batch.converged:
+def _at_batch(
+    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]"
+) -> tuple[SmoothingProblem, FloatArray | None]:
+    """Return the problem, started where the batch has the flight, and what other headings add."""
+    end = _ended(prepared, custom, "chain" if not custom else "gtsam")
+    if without_attitudes(prepared) and not end.solution.converged:
         raise NoSolutionError(
             f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
             "no minimum that explains the measurements; gravity directions would determine it"
         )
-    return replace(
-        prepared.problem,
-        start=batch.states,
-        constants=prepared.problem.constants.started_at(batch.states.constants),
-        attitude_known=np.ones_like(prepared.problem.attitude_known),
+    states = end.solution.states
+    problem = replace(
+        end.problem,
+        start=states,
+        constants=end.problem.constants.started_at(states.constants),
+        attitude_known=np.ones_like(end.problem.attitude_known),
+    )
+    return problem, end.added
+
+
+def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> _End:
+    """Return the end of a batch; its minimum counts only where it explains the measurements.
+
+    That is asked where nothing measures attitudes: there the search may end anywhere.
+    """
+    problem, opening = prepared.problem, _open(prepared)
+    if opening is None:
+        end = _End(_at_once(prepared, custom, solver), problem)
+    else:
+        end = _about_headings(problem, opening, custom, solver)
+    if not without_attitudes(prepared):
+        return end
+    measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
+    count = sum(int(part.freedom.sum()) for part in measured)
+    lost = end.solution.cost > _MISFIT * count
+    return end._replace(
+        solution=replace(end.solution, converged=end.solution.converged and not lost)
     )
 
 
-def _at_once(prepared: PreparedFlight, own: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
-    problem, opening = prepared.problem, _open_throughout(prepared)
+def _open(prepared: PreparedFlight) -> Opening | None:
+    """Return what all headings are tried about, of a flight that may not determine its own."""
+    opening = prepared.opening
     if opening is not None:
-        return _about_headings(problem, opening, own, solver)
-    if solver == "chain" or (without_attitudes(prepared) and not own):
+        return opening if opening.until_s == np.inf else None
+    if not (prepared.rough and without_attitudes(prepared)):
+        return None
+    problem, imu = prepared.problem, prepared.imu
+    R_nb = problem.start.R_nb
+    force_b = interpolate(problem.t_s, imu.t_s, imu.f_b_mps2)
+    force_b /= np.linalg.norm(force_b, axis=1, keepdims=True).clip(1e-9)
+    across = np.eye(3) - np.outer(force_b[0], force_b[0])
+    covariance_rad2 = ROTATION_PRIOR_RAD**2 * across + FIXED_RAD**2 * (np.eye(3) - across)
+    held = AttitudePrior(R_nb=R_nb[0], covariance_rad2=covariance_rad2)
+    return Opening(
+        problem=replace(problem, attitude_prior=held),
+        until_s=np.inf,
+        heading_variance_rad2=open_angle_variance_rad2(),
+        arm_b_m=np.zeros(3),
+        axis_n=np.einsum("nij,nj->ni", R_nb, force_b),
+    )
+
+
+def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
+    problem, is_open = prepared.problem, without_attitudes(prepared)
+    if solver == "chain" or is_open:
         # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
         from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
 
-        if without_attitudes(prepared):
-            return chain.solve_batch(problem)
-        return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
+        if not is_open:
+            return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
+        solution = chain.solve_batch(problem)
+        return _with_custom(problem, custom, solution) if custom else solution
     from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_batch(problem, own=own)
+    return solve_batch(problem, own=custom)
+
+
+def _with_custom(
+    problem: SmoothingProblem, custom: "tuple[OwnFactor, ...]", begin: Solution
+) -> Solution:
+    """Return the minimum with custom factors, which the chain does not know, next to its own."""
+    from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
+
+    return minimum(problem, custom, begin.states).solution
 
 
 def _about_headings(
-    problem: SmoothingProblem, opening: Opening, own: "tuple[OwnFactor, ...]", solver: Solver
-) -> Solution:
+    problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]", solver: Solver
+) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
     from fgnav.solve.headings import over_headings  # noqa: PLC0415  # lazy: the chain
     from fgnav.solve.minima import Minimum  # noqa: PLC0415
 
     def searched(conditioned: SmoothingProblem) -> "Minimum":
-        if own:  # the chain knows none
+        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+        if custom:
             from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
 
-            return minimum(conditioned, own)
-        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
+            return minimum(conditioned, custom, solution.states)
         return Minimum(solution, chain.log_evidence(conditioned, solution.states))
 
     headings = over_headings(problem, opening, searched)
     begin, is_observable = headings.ends[0].solution, headings.is_observable
     likeliest = problem if is_observable else headings.problems[0]
-    if solver == "chain":
+    if solver == "chain" or not custom:
         solution = chain.solve_batch(likeliest, begin=begin.states)
     else:
-        from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
-
-        solution = minimum(likeliest, own, begin.states).solution
-    return solution if is_observable else headings.mixed(solution)
+        solution = _with_custom(likeliest, custom, begin)
+    if is_observable:
+        return _End(solution, likeliest)
+    mixed = headings.mixed(solution)
+    return _End(mixed, likeliest, mixed.covariance - solution.covariance)

@@ -63,9 +63,7 @@ class Session:
 
     def __init__(self, path: Path, content: bytes, threads: int) -> None:
         if find_spec("onnxruntime") is None:
-            raise BadInputError(
-                f"{path}: a network needs onnxruntime; pip install 'fgnav[networks]'"
-            )
+            raise BadInputError(f"{path}: a network needs onnxruntime; pip install onnxruntime")
         self._path, self._content, self._threads = path, content, threads
         self._lock = Lock()
         self._open()

@@ -208,6 +208,7 @@ class ChainWindow:
             rows.steps,
             marginals,
             keep_linearisation=self._keep,
+            solver="chain",
             updates=self._updates,
         )
 

@@ -337,5 +337,6 @@ class FixedLag:
             self._steps[first:end],
             marginals,
             keep_linearisation=self._keep,
+            solver="gtsam.IncrementalFixedLagSmoother",
             updates=self._updates,
         )

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from fgnav.checks import FloatArray
-from fgnav.io.strict_toml import Positive, Table
+from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav.neural.manifest import Statistic
 from fgnav_models.training.train import Batch, Settings
 
@@ -22,12 +22,15 @@ class Steps(Table, frozen=True):
     steps: Count = 8000
     batch: Count = 1024
     learning_rate: Positive = 2e-3
+    weight_decay: NotNegative = 0.0
 
     def settings(self, seed: int, validations: int = _VALIDATIONS) -> Settings:
         """Return what ``train`` takes, validated so many times."""
         return Settings(
             steps=self.steps,
             learning_rate=self.learning_rate,
+            optimizer="adamw" if self.weight_decay else "adam",
+            weight_decay=self.weight_decay,
             clip_norm=1.0,
             seed=seed,
             validate_every=max(1, self.steps // validations),

@@ -9,7 +9,6 @@ from fgnav_models.training.train import Progress
 
 Scale: TypeAlias = Literal["smoke", "cpu", "paper"]
 Device: TypeAlias = Literal["cpu", "cuda"]
-By: TypeAlias = Literal["alone", "smoother"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +22,7 @@ class Order:
     device: Device
     deadline_s: float  # reading of ``time.perf_counter`` at which to stop with a checkpoint
     watch: Callable[[str, Progress], None]  # to be told what is trained and how it stands
-    # ``"smoother"``: networks are trained on by what a smoother makes of them
-    through: By = "alone"
+    plan: bool = False  # a few steps of each network in the place of all
 
 
 class Trainer(Protocol):

@@ -1,6 +1,7 @@
 """From a trained torch module to what the contract takes: ONNX, manifest and card, compared."""
 
 import platform
+import subprocess
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
@@ -16,13 +17,16 @@ from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.io.atomic_write import atomic_file, made_folder, write_text
-from fgnav.neural.manifest import Manifest, Origin, save_manifest
+from fgnav.neural.manifest import UNKNOWN, Manifest, Origin, save_manifest
 from fgnav.neural.network import load_network
+from fgnav.shipped import shipped
 from fgnav_models.training.contract import Release
+from fgnav_models.training.order import Order
 
 AGREEMENT = 1e-5  # onnxruntime against torch, of an output's root mean square
 _OPSET = 17
 _EXAMPLES = 2000  # of those given
+_FLOATS = (TensorProto.FLOAT, TensorProto.DOUBLE)
 _HALVED_FROM = 256  # numbers; smaller tensors (biases, scales) keep float32
 
 
@@ -53,7 +57,7 @@ def release(
     folder : Path
         Made if absent.
     half : bool
-        Store large weights as float16; it still computes in float32. The parameters of ``module``
+        Store large weights as float16; it still computes as before. The parameters of ``module``
         are rounded so; its buffers are not.
 
     Raises
@@ -135,19 +139,57 @@ def _origin(manifest: Manifest) -> str:
         text += f"\nHalf-life of errors {output.half_life_s:g} s, of {share}."
     if origin is not None:
         made_with = ", ".join(f"{key} {value}" for key, value in origin.made_with.items())
-        text += f"\nSeed {origin.seed}; {made_with}. The recipe is in the manifest, "
-        text += f"{manifest.name}.json."
+        text += f"\n`{origin.command}`, commit {origin.commit}, seed {origin.seed}; {made_with}. "
+        text += f"The recipe is in the manifest, {manifest.name}.json."
     return text
 
 
-def made_with(seed: int, recipe: Mapping[str, object], metrics: Mapping[str, float]) -> Origin:
-    """Return what a network is made of, with this machine's versions."""
+def made_with(
+    seed: int,
+    recipe: Mapping[str, object],
+    metrics: Mapping[str, float],
+    order: Order | None = None,
+) -> Origin:
+    """Return what a network is made of, with this machine's versions, and the command's order."""
+    on_gpu = order is not None and order.device == "cuda"
     versions = {
+        "python": platform.python_version(),
         "torch": str(torch.__version__),
         "onnx": str(onnx.__version__),
-        "hardware": f"CPU {platform.machine()}",
+        "numpy": np.__version__,
+        "hardware": torch.cuda.get_device_name() if on_gpu else f"CPU {platform.machine()}",
     }
-    return Origin(recipe=dict(recipe), seed=seed, metrics=dict(metrics), made_with=versions)
+    return Origin(
+        recipe=dict(recipe),
+        seed=seed,
+        metrics=dict(metrics),
+        made_with=versions,
+        command=UNKNOWN if order is None else _command(order),
+        commit=_commit(),
+        scale=UNKNOWN if order is None else order.scale,
+    )
+
+
+def _command(order: Order) -> str:
+    """Return the command line of an order, a recipe that comes along by its name."""
+    along = order.recipe in shipped("fgnav_models", "recipes").values()
+    text = f"fgnav train {order.recipe.stem if along else order.recipe.name} --scale {order.scale}"
+    text += "" if order.device == "cpu" else f" --device {order.device}"
+    return text + " --plan" * order.plan
+
+
+def _commit() -> str:
+    """Return the commit of this source, ``-dirty`` where files differ; unknown outside of git."""
+    file = Path(__file__)
+    answers = []
+    for arguments in (["ls-files", file.name], ["describe", "--always", "--dirty", "--exclude=*"]):
+        command = ["git", "-C", str(file.parent), *arguments]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+        except (OSError, subprocess.CalledProcessError):
+            return UNKNOWN
+        answers.append(done.stdout.strip())
+    return answers[1] if answers[0] else UNKNOWN  # not of a repository that merely lies around it
 
 
 def _words(name: str) -> str:
@@ -225,15 +267,15 @@ def _halved(content: bytes) -> bytes:
     casts = []
     for tensor in graph.initializer:
         values = numpy_helper.to_array(tensor)
-        if tensor.data_type != TensorProto.FLOAT or values.size < _HALVED_FROM:
+        if tensor.data_type not in _FLOATS or values.size < _HALVED_FROM:
             continue
         with np.errstate(over="ignore"):
             halves = values.astype(np.float16)
         if (halves != values).any():  # a constant that was not rounded: input scales, tables
             continue
-        name = tensor.name
+        name, wide = tensor.name, tensor.data_type
         tensor.CopyFrom(numpy_helper.from_array(halves, f"{name}.half"))
-        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=TensorProto.FLOAT))
+        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=wide))
     nodes = [*casts, *graph.node]
     del graph.node[:]
     graph.node.extend(nodes)

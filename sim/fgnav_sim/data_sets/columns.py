@@ -47,10 +47,8 @@ _GRAVITY = {
     "flight": _column("i4", "1", "window"),
     "phase": _column("i1", "1", "window"),
     "f_b_mps2": _column("f4", "m/s2", "window sample b"),
-    "v_n_mps": _column("f4", "m/s", "window n"),
-    "a_n_mps2": _column("f4", "m/s2", "window n"),
+    "v_n_mps": _column("f4", "m/s", "window velocity n"),
     "g_b": _column("f8", "1", "window b"),
-    "gravity_mps2": _column("f8", "m/s2", "window"),
     "R_nb": _column("f8", "1", "window n b"),
 }
 COLUMNS: dict[type, dict[str, Column]] = {World: _ARRAY, GravityWorld: _GRAVITY}

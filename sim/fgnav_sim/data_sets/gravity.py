@@ -1,4 +1,4 @@
-"""Accelerometer windows of many simulated motions, and the gravity that they hide."""
+"""Accelerometer windows of many simulated flights, and the gravity that they hide."""
 
 from dataclasses import dataclass, fields
 
@@ -6,25 +6,27 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav_sim.data_sets.gravity_motions import PHASES, drawn_motion
+from fgnav.types.flight import Flight
+from fgnav_sim.data_sets.gravity_bodies import BODIES, drawn_body
+from fgnav_sim.data_sets.gravity_motions import MOTIONS, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.sensors.inertial import triad
+from fgnav_sim.scenario import FixesTable, Scenario
+from fgnav_sim.simulate import simulate
+
+VELOCITY_HZ = 10.0
+PHASES = (*MOTIONS, *BODIES)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class GravityEpochs:
-    """Windows of an accelerometer, what a receiver says meanwhile, and the truth."""
+    """Windows of an accelerometer, a receiver's velocities meanwhile, and the truth."""
 
     t_s: FloatArray  # (n,); last sample of each window, since its flight's start
     flight: IntArray  # (n,); from 0; split by it, for windows of one flight share motion and biases
-    phase: IntArray  # (n,); kind of motion, a place in ``PHASES``
+    phase: IntArray  # (n,); kind of flight, a place in ``PHASES``
     f_b_mps2: FloatArray  # (n, k, 3); specific force, oldest sample first
-    # v_n_mps, a_n_mps2: (n, 3); a receiver's velocity of the body's origin, and the difference of
-    # two over their time
-    v_n_mps: FloatArray
-    a_n_mps2: FloatArray
-    g_b: FloatArray  # (n, 3); direction of gravity in body axes at ``t_s``, true
-    gravity_mps2: FloatArray  # (n,); its size
+    v_n_mps: FloatArray  # (n, m, 3); of the antenna, oldest first, the newest at ``t_s``
+    g_b: FloatArray  # (n, 3); down in body axes at ``t_s``, true
     R_nb: FloatArray  # (n, 3, 3); at ``t_s``
 
     def __len__(self) -> int:
@@ -35,11 +37,18 @@ class GravityEpochs:
         """Return some of the windows."""
         return GravityEpochs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
+    @classmethod
+    def joined(cls, parts: list["GravityEpochs"]) -> "GravityEpochs":
+        """Return all windows of parts, one after another."""
+        return cls(
+            **{f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)}
+        )
+
 
 def gravity_epochs(
     world: GravityWorld, generator: np.random.Generator, count: int
 ) -> GravityEpochs:
-    """Return windows of flights that climb, cruise, descend, turn and spin.
+    """Return windows of flights of the world's kinds.
 
     Parameters
     ----------
@@ -59,45 +68,62 @@ def gravity_epochs(
     kind_rng, rng = generator.spawn(2)
     weights = np.array(msgspec.structs.astuple(world.phases))
     phase = kind_rng.choice(len(PHASES), flights, p=weights / weights.sum())
-    parts = [
-        _flown(world, number, int(kind), rng=own)
-        for number, (kind, own) in enumerate(zip(phase, rng.spawn(flights), strict=True))
-    ]
-    return GravityEpochs(
-        **{
-            f.name: np.concatenate([getattr(part, f.name) for part in parts])[:count]
-            for f in fields(GravityEpochs)
-        }
+    parts = []
+    for number, (kind, own) in enumerate(zip(phase, rng.spawn(flights), strict=True)):
+        flight = gravity_flight(world, PHASES[kind], rng=own)
+        parts.append(_windows(world, flight, number, int(kind), rng=own))
+    return GravityEpochs.joined(parts)[:count]
+
+
+def gravity_flight(world: GravityWorld, phase: str, *, rng: np.random.Generator) -> Flight:
+    """Return a flight of a kind with an accelerometer, velocities ten times a second, and truth.
+
+    Parameters
+    ----------
+    phase : str
+        One of ``PHASES``.
+    """
+    imu_b_m = np.array(world.accelerometer_arm_m) * rng.uniform(-1, 1, 3)
+    antenna_b_m = imu_b_m + np.array(world.antenna_arm_m) * rng.uniform(-1, 1, 3)
+    noise_mps = float(np.exp(rng.uniform(*np.log(world.velocity_noise_mps))))
+    scenario = Scenario(
+        name=phase,
+        duration_s=world.windows.flight_s,
+        truth_rate_hz=VELOCITY_HZ,
+        origin=world.origin,
+        antennas_b_m=(tuple(antenna_b_m.tolist()),),
+        imu=msgspec.structs.replace(world.imu, position_b_m=tuple(imu_b_m.tolist())),
+        fixes=FixesTable(rate_hz=VELOCITY_HZ, velocity_noise_mps=noise_mps),
+        flown=drawn_body(world, phase, rng=rng) if phase in BODIES else None,
     )
+    if phase in MOTIONS:
+        motion = drawn_motion(world, phase, rng=rng)
+        scenario = msgspec.structs.replace(scenario, motion=motion)
+    return simulate(scenario, rng)
 
 
-def _flown(
-    world: GravityWorld, number: int, phase: int, *, rng: np.random.Generator
+def _windows(
+    world: GravityWorld, flight: Flight, number: int, phase: int, *, rng: np.random.Generator
 ) -> GravityEpochs:
-    """Return the windows of one flight."""
-    windows, origin = world.windows, world.origin.frame
-    motion = drawn_motion(world, PHASES[phase], rng=rng)
-    begin_s = np.sort(rng.uniform(0.0, windows.flight_s, windows.per_flight))
-    t_s = begin_s[:, None] + np.arange(windows.samples) / world.imu.rate_hz
-    lever_b_m = np.array(world.imu.position_b_m) + world.lever_sigma_m * rng.standard_normal(3)
-    sensed = motion(t_s.ravel())
-    true_b_mps2 = sensed.specific_force_b_mps2(origin, lever_b_m, "wgs84-normal")
-    f_b_mps2 = triad(world.imu, "accelerometer", "mps2")(true_b_mps2, world.imu.rate_hz, rng=rng)
-    half_s = 0.5 * world.velocity_step_s
-    middle_s = t_s[:, -1] - world.velocity_age_s
-    v_n_mps = np.stack([motion(middle_s + h).v_n_mps for h in (-half_s, half_s)])
-    v_n_mps = v_n_mps + world.velocity_noise_mps * rng.standard_normal(v_n_mps.shape)
-    end = motion(t_s[:, -1])
-    g_n_mps2 = origin.gravity_n_mps2(end.p_n_m)
-    gravity_mps2 = np.linalg.norm(g_n_mps2, axis=1)
+    """Return windows that end at velocities drawn from a flight."""
+    imu, fixes, truth, table = flight.imu, flight.fixes, flight.truth, world.windows
+    if imu is None or fixes is None or fixes.v_n_mps is None or truth is None:
+        raise BadInputError(f"flight {flight.name}: needs accelerations, velocities and truth")
+    last = np.searchsorted(imu.t_s, fixes.t_s + 0.5 / world.imu.rate_hz) - 1
+    complete = (last >= table.samples - 1) & (np.arange(len(last)) >= table.velocities - 1)
+    ends = np.flatnonzero(complete)
+    if not len(ends):
+        raise BadInputError(
+            f"windows.flight_s: the {flight.name} flew {imu.t_s[-1]:.2f} s, less than a window"
+        )
+    rows = np.sort(rng.choice(ends, table.per_flight, replace=len(ends) < table.per_flight))
+    R_nb = truth.R_nb[rows]
     return GravityEpochs(
-        t_s=t_s[:, -1],
-        flight=np.full(len(t_s), number),
-        phase=np.full(len(t_s), phase),
-        f_b_mps2=f_b_mps2.reshape(*t_s.shape, 3),
-        v_n_mps=v_n_mps.mean(axis=0),
-        a_n_mps2=(v_n_mps[1] - v_n_mps[0]) / world.velocity_step_s,
-        g_b=np.einsum("nij,ni->nj", end.R_nb, g_n_mps2) / gravity_mps2[:, None],
-        gravity_mps2=gravity_mps2,
-        R_nb=end.R_nb,
+        t_s=fixes.t_s[rows],
+        flight=np.full(len(rows), number),
+        phase=np.full(len(rows), phase),
+        f_b_mps2=imu.f_b_mps2[last[rows][:, None] + np.arange(1 - table.samples, 1)],
+        v_n_mps=fixes.v_n_mps[rows[:, None] + np.arange(1 - table.velocities, 1)],
+        g_b=R_nb[:, 2],
+        R_nb=R_nb,
     )

@@ -24,7 +24,7 @@ def drawn_motion(
     Parameters
     ----------
     phase : str
-        One of ``PHASES``.
+        One of ``MOTIONS``.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def drawn_motion(
     def draw(limits: Range) -> float:
         return float(rng.uniform(*limits))
 
-    return _surging(_MOTIONS[phase](world, draw), world, draw)
+    return _surging(MOTIONS[phase](world, draw), world, draw)
 
 
 def _surging(motion: Motion, world: GravityWorld, draw: _Draw) -> Callable[[FloatArray], State]:
@@ -115,12 +115,10 @@ def _wobble(world: GravityWorld, draw: _Draw, middle_deg: float) -> Command:
     )
 
 
-_MOTIONS: dict[str, Callable[[GravityWorld, _Draw], Motion]] = {
+MOTIONS: dict[str, Callable[[GravityWorld, _Draw], Motion]] = {
     "climb": lambda world, draw: _straight(world, draw, draw(world.motion.climb_deg)),
     "cruise": lambda world, draw: _straight(world, draw, 0.0),
     "descent": lambda world, draw: _straight(world, draw, -draw(world.motion.climb_deg)),
     "turn": _turn,
     "spin": _spin,
 }
-
-PHASES = tuple(_MOTIONS)

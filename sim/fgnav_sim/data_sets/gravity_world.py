@@ -8,16 +8,30 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav_sim.scenario import ImuTable, Place
 
 Range = tuple[float, float]
+Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+def _check_ranges(table: Table) -> None:
+    for name in table.__struct_fields__:
+        low, high = getattr(table, name)
+        if not 0 <= low <= high:
+            raise ValueError(f"{name}: must be a range above zero, got {[low, high]}")
 
 
 class PhasesTable(Table, frozen=True):
-    """How likely a flight is of each kind; all alike unless told."""
+    """How likely a flight is of each kind; all alike by default."""
 
+    # commanded motions
     climb: NotNegative = 1.0
     cruise: NotNegative = 1.0
     descent: NotNegative = 1.0
     turn: NotNegative = 1.0
     spin: NotNegative = 1.0
+    # rigid bodies in six degrees of freedom
+    rocket: NotNegative = 1.0  # with fins: boost, coast, descent
+    guided: NotNegative = 1.0  # the same, its canards commanded
+    glider: NotNegative = 1.0  # without and with a motor: cruise, climb, dive, spiral
+    vacuum: NotNegative = 1.0  # no air acts on it: nothing shows gravity
 
     def __post_init__(self) -> None:
         """Require one kind."""
@@ -26,27 +40,28 @@ class PhasesTable(Table, frozen=True):
 
 
 class WindowsTable(Table, frozen=True):
-    """What an estimator sees at a time: so many accelerometer samples in a row.
+    """What an estimator sees at a time: accelerometer samples and velocities up to it.
 
-    ``per_flight`` windows begin at times uniform over a flight of ``flight_s``.
+    ``per_flight`` windows end at velocities drawn from a flight of ``flight_s``.
     """
 
-    samples: Annotated[int, msgspec.Meta(ge=1)] = 10
-    per_flight: Annotated[int, msgspec.Meta(ge=1)] = 20
-    flight_s: Positive = 60.0
+    samples: Count = 150
+    velocities: Count = 16
+    per_flight: Count = 20
+    flight_s: Positive = 40.0
 
 
 class MotionRanges(Table, frozen=True):
-    """What motions are drawn from, uniform within each range."""
+    """What commanded motions are drawn from, uniform within each range."""
 
     # speed_mps, climb_deg, turn_mps2, spin_degps: climb is the slope of climbs, and of descents
     # downward; turns have a horizontal acceleration; the spin is about the long axis, either way
-    speed_mps: Range = (30.0, 250.0)
+    speed_mps: Range = (20.0, 250.0)
     climb_deg: Range = (5.0, 60.0)
     turn_mps2: Range = (1.0, 20.0)
     # amplitude of an acceleration that swings along the first course, at a rate of the wobbles
     surge_mps2: Range = (0.0, 4.0)
-    spin_degps: Range = (90.0, 1800.0)
+    spin_degps: Range = (90.0, 1080.0)
     # wobble_deg, wobble_radps: amplitude and rate of the sine that each Euler angle swings by
     # beside its command
     wobble_deg: Range = (0.0, 8.0)
@@ -54,12 +69,38 @@ class MotionRanges(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        for name in self.__struct_fields__:
-            low, high = getattr(self, name)
-            if not 0 <= low <= high:
-                raise ValueError(f"{name}: must be a range above zero, got {[low, high]}")
+        _check_ranges(self)
         if self.speed_mps[0] <= 0 or self.turn_mps2[0] <= 0 or self.wobble_radps[0] <= 0:
             raise ValueError("speed_mps: must be above zero, as turn_mps2 and wobble_radps")
+
+
+class BodyRanges(Table, frozen=True):
+    """What rigid bodies and their flights are drawn from, uniform within each range."""
+
+    # factors of the shipped vehicles' figures: mass and inertia, thrust, drag, lift, moments
+    mass: Range = (0.7, 1.4)
+    thrust: Range = (0.5, 1.3)
+    drag: Range = (0.7, 1.5)
+    lift: Range = (0.7, 1.3)
+    moment: Range = (0.5, 1.5)
+    # speed at the start: of a rocket on its rail, of one that coasts, of a glider
+    rail_mps: Range = (15.0, 50.0)
+    coast_mps: Range = (60.0, 300.0)
+    glide_mps: Range = (12.0, 28.0)
+    # spin_degps: about the long axis, either way, of half of the rockets; the rest hardly roll
+    spin_degps: Range = (0.0, 720.0)
+    tumble_degps: Range = (0.0, 20.0)  # other rates at the start
+    # of a rocket, at the ground and 3 km above; a glider has a third of it
+    wind_mps: Range = (0.0, 6.0)
+    wind_aloft_mps: Range = (0.0, 12.0)
+    gusts_mps: Range = (0.05, 1.5)  # likewise
+    # swing_deg, swing_radps: of each commanded angle of guided bodies
+    swing_deg: Range = (0.0, 5.0)
+    swing_radps: Range = (0.2, 3.0)
+
+    def __post_init__(self) -> None:
+        """Check ranges."""
+        _check_ranges(self)
 
 
 class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
@@ -67,22 +108,26 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
 
     name: str = ""
     # epochs, shard_epochs: how many windows a data set holds, and one file of it
-    epochs: Annotated[int, msgspec.Meta(ge=1)] = 10_000
-    shard_epochs: Annotated[int, msgspec.Meta(ge=1)] = 10_000
+    epochs: Count = 10_000
+    shard_epochs: Count = 10_000
     origin: Place = Place()
     phases: PhasesTable = PhasesTable()
     windows: WindowsTable = WindowsTable()
     motion: MotionRanges = MotionRanges()
-    imu: ImuTable = ImuTable()  # the accelerometer; errors are drawn for each flight
-    velocity_noise_mps: Positive = 0.05  # of a receiver's velocities, per axis
-    # the derivative is the difference of two velocities so far apart, about the window's end
-    velocity_step_s: Positive = 0.2
-    velocity_age_s: NotNegative = 0.0  # how long before the window's end the middle of the two is
-    # spread of where the accelerometer sits beside ``imu.position_b_m``, per axis
-    lever_sigma_m: NotNegative = 0.0
+    bodies: BodyRanges = BodyRanges()
+    # the accelerometer; errors are drawn for each flight, angles between its axes among them
+    imu: ImuTable = ImuTable(accelerometer_misalignment_rad=3e-3, accelerometer_scale=1e-3)
+    velocity_noise_mps: Range = (0.01, 0.1)  # log-uniform, of a flight's velocities, per axis
+    # per axis, either way: where the accelerometer is in the body, the antenna from there
+    accelerometer_arm_m: tuple[float, float, float] = (0.5, 0.03, 0.03)
+    antenna_arm_m: tuple[float, float, float] = (0.5, 0.1, 0.1)
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""
+        if not 0 < self.velocity_noise_mps[0] <= self.velocity_noise_mps[1]:
+            raise ValueError(
+                f"velocity_noise_mps: must be a range above zero, got {self.velocity_noise_mps}"
+            )
         if self.shard_epochs % self.windows.per_flight:
             raise ValueError(
                 f"shard_epochs: must hold whole flights of {self.windows.per_flight} windows, "

@@ -38,7 +38,7 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     ranges = code_ranges(flight, observations, channels, 0, middle)
     p_e_m = flight.origin.p_e_m[None]
     seen = angles(p_e_m, signal_paths(ranges.states, p_e_m, np.zeros((1, 3))).e_e)
-    _, left_m2 = atmosphere_m(flight.broadcast, channels, p_e_m, seen, ranges.gps_s)
+    _, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
     sigma_m = np.sqrt(np.nan_to_num(ranges.message_variance_m2 + left_m2))[0]
     drawn_m = sigma_m * rng.standard_normal(len(sigma_m))
     base, noise = flight.base, flight.gnss_noise

@@ -1,5 +1,6 @@
 """What a vehicle file may say: mass, motor, aerodynamic coefficients, canards, with every rule."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal, TypeAlias
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
+from fgnav.types.vehicle import FinnedVehicle
 
 Column: TypeAlias = float | tuple[float, ...]  # one value for every Mach number, or one for each
 RateTerms: TypeAlias = Literal["d/v", "d/2v"]
@@ -149,6 +151,28 @@ class AutopilotTable(Table, frozen=True):
     damping: Positive = 0.8
 
 
+class FinsTable(Table, frozen=True):
+    """How closely the nose follows the air, as flights state it: see ``FinnedVehicle``."""
+
+    sideslip_sigma_deg: Positive
+    attack_sigma_deg: Positive
+    half_life_s: Positive
+    constant_share: Annotated[float, msgspec.Meta(gt=0, lt=1)]
+    crossflow_sigma_mps: Positive
+    wind_sigma_mps: Positive = 5.0
+
+    def stated(self) -> FinnedVehicle:
+        """Return what a flight states."""
+        return FinnedVehicle(
+            sideslip_sigma_rad=math.radians(self.sideslip_sigma_deg),
+            attack_sigma_rad=math.radians(self.attack_sigma_deg),
+            half_life_s=self.half_life_s,
+            constant_share=self.constant_share,
+            wind_sigma_mps=self.wind_sigma_mps,
+            crossflow_sigma_mps=self.crossflow_sigma_mps,
+        )
+
+
 class Vehicle(Table, frozen=True):
     """A vehicle: a body, and what of the rest it has."""
 
@@ -158,6 +182,7 @@ class Vehicle(Table, frozen=True):
     aerodynamics: Axisymmetric | Airframe | None = None
     canards: CanardsTable | None = None
     autopilot: AutopilotTable | None = None
+    fins: FinsTable | None = None
 
     def __post_init__(self) -> None:
         """Check what one table cannot say."""

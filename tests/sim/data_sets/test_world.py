@@ -67,7 +67,8 @@ def test_the_papers_world_is_a_hundred_days_over_madrid():
         ("kind = 'gravity'\nmotion = { climb_deg = [9, 5] }", r"motion.climb_deg: must be a range"),
         ("kind = 'gravity'\nmotion = { speed_mps = [0, 5] }", r"motion.speed_mps: must be above"),
         (
-            "kind = 'gravity'\nphases = { climb = 0, cruise = 0, descent = 0, turn = 0, spin = 0 }",
+            "kind = 'gravity'\nphases = { climb = 0, cruise = 0, descent = 0, turn = 0, spin = 0, "
+            "rocket = 0, guided = 0, glider = 0, vacuum = 0 }",
             r"phases.cruise: must be above zero where all others are zero",
         ),
     ],

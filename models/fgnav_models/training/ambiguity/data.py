@@ -14,7 +14,6 @@ from fgnav_models.features import (
     ambiguity_inputs,
     by_elevation,
     double_differences,
-    windows,
     wrapped,
 )
 from fgnav_models.training.ambiguity.nets import N_MAX
@@ -224,15 +223,31 @@ class Rows:
 
     def __init__(self, samples: Samples, columns: IntArray, window: int, device: str) -> None:
         self.samples, self.window, self.device = samples, window, device
+        self._back = torch.arange(1 - window, 1, device=device)
         self._features = torch.from_numpy(samples.features).to(device)
         self._cycles = torch.from_numpy(samples.cycles[:, columns]).to(device)
         self._is_present = torch.from_numpy(samples.is_present[:, columns]).to(device)
 
-    def __call__(self, rows: IntArray) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def on_device(self, rows: IntArray) -> torch.Tensor:
+        """Return rows, (n,), on the training device, each with its window within its run.
+
+        Raises
+        ------
+        BadInputError
+            If a window would reach into another run.
+        """
+        early = rows - self.samples.first[rows] < self.window - 1
+        if early.any():
+            raise BadInputError(
+                f"window {self.window}: reaches before its run's start, first at row "
+                f"{rows[early.argmax()]}"
+            )
+        return torch.from_numpy(rows).to(self.device)
+
+    def __call__(self, rows: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return windows (n, k, f), integers (n, t) and whether they are there (n, t)."""
-        seen = torch.from_numpy(windows(self.samples.first, rows, self.window)).to(self.device)
-        own = seen[:, -1]
-        return self._features[seen], self._cycles[own], self._is_present[own]
+        seen = rows[:, None] + self._back
+        return self._features[seen], self._cycles[rows], self._is_present[rows]
 
 
 @dataclass(slots=True)
@@ -244,7 +259,7 @@ class Shuffled:
     batch: int
     seed: int
     _pass: int = -1
-    _order: IntArray | None = None
+    _order: torch.Tensor | None = None
 
     def __call__(self, step: int) -> tuple[torch.Tensor, ...]:
         """Return the batch of a step."""
@@ -252,5 +267,6 @@ class Shuffled:
         number, k = divmod(step, per_pass)
         if self._order is None or number != self._pass:
             self._pass = number
-            self._order = np.random.default_rng([self.seed, number]).permutation(self.of)
+            rng = np.random.default_rng([self.seed, number])
+            self._order = self.rows.on_device(rng.permutation(self.of))
         return self.rows(self._order[k * self.batch : (k + 1) * self.batch])

@@ -203,11 +203,14 @@ def read_weights(net: AmbiguityNet, folder: Path) -> None:
 def answers_of(net: AmbiguityNet, rows: Rows, of: IntArray) -> IntArray:
     """Return a network's integers, (n, t), of some rows."""
     net.eval()
-    parts = [cycles_of(net.task, net(rows(some)[0])).cpu().numpy() for some in _chunks(of)]
+    parts = [
+        cycles_of(net.task, net(rows(some)[0])).cpu().numpy()
+        for some in _chunks(rows.on_device(of))
+    ]
     return np.concatenate(parts)
 
 
-def _chunks(rows: IntArray) -> Iterator[IntArray]:
+def _chunks(rows: torch.Tensor) -> Iterator[torch.Tensor]:
     with torch.no_grad():
         for start in range(0, len(rows), _CHUNK):
             yield rows[start : start + _CHUNK]
@@ -237,7 +240,7 @@ def _validation(
         return {}
     loss = wrong = judged = 0.0
     some = of[:: ceil(len(of) / experiment.validation_rows)]
-    for chunk in _chunks(some):
+    for chunk in _chunks(rows.on_device(some)):
         features, cycles, is_present = rows(chunk)
         answer = module(features)
         loss += float(loss_of(experiment.task, answer, cycles, is_present)) * len(chunk)

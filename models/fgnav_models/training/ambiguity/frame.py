@@ -116,7 +116,7 @@ def _run(study: Study, order: Order) -> list[list[str]]:
             for answer, pair in answers.items()
         }
         example = samples.features[parts.test[:64]]
-        release_network(net, example, study.release, _recipe(study), measured, order.out)
+        release_network(net, example, study.release, _recipe(study), measured, order)
     return [[study.name, where, *_cells(answers)] for where, answers in tried.items()]
 
 

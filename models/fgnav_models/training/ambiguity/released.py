@@ -1,7 +1,6 @@
 """An ambiguity network as it is released: features in, integers out."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,6 +18,7 @@ from fgnav_models.training.contract import (
     manifest_of,
     words_and_figures,
 )
+from fgnav_models.training.order import Order
 from fgnav_models.training.release import made_with, release
 
 _SENSOR = "double differences"
@@ -50,7 +50,7 @@ def release_network(
     words: Release,
     recipe: dict[str, Any],
     metrics: dict[str, float],
-    folder: Path,
+    order: Order,
 ) -> Manifest:
     """Write a network's ONNX file, manifest and card, float16 inside.
 
@@ -71,8 +71,8 @@ def release_network(
         (epoch_input("features", _SENSOR, known, net.window),),
         integers_output("cycles", form),
         figures,
-        made_with(int(recipe["seed"]), recipe, metrics),
+        made_with(int(recipe["seed"]), recipe, metrics, order),
     )
     words = msgspec.structs.replace(words, domain=card_words)
     windows = example[:, None].repeat(net.window, axis=1)
-    return release(Answer(net), [windows], manifest, words, metrics, folder, half=True)
+    return release(Answer(net), [windows], manifest, words, metrics, order.out, half=True)

@@ -1,70 +1,193 @@
-"""How good a gravity network is, and how soon its errors are new ones."""
+"""How good a gravity network is on flights it never saw, by kind of flight, as tables of a card."""
+
+from dataclasses import dataclass
 
 import msgspec
 import numpy as np
 import torch
 
-from fgnav.checks import FloatArray
-from fgnav_models.training.gravity.data import BASELINES, Rows, angles_deg, baseline, draw, rms
-from fgnav_models.training.gravity.nets import GravityNet, deviation
-from fgnav_sim.data_sets.gravity import GravityEpochs
-from fgnav_sim.data_sets.gravity_motions import PHASES
+from fgnav.checks import FloatArray, IntArray
+from fgnav.evaluation.paired import Interval, pooled
+from fgnav.neural.calibration import Calibration
+from fgnav.types.flight import Flight
+from fgnav_models.training.gravity.data import BASELINES, Rows, angles_deg, baseline, rms
+from fgnav_models.training.gravity.features import (
+    GRAVITY_MPS2,
+    VELOCITIES,
+    VELOCITY_HZ,
+    CourseMotion,
+)
+from fgnav_models.training.gravity.nets import GravityNet
+from fgnav_models.training.release import markdown_table
+from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.scenario import FixesTable, load_scenario
+from fgnav_sim.simulate import simulate_many
 
-_SPAN_S, _EACH = 20.0, 200  # to tell how errors of one flight hang together
-_WITHIN = 5.991  # 95 % quantile of chi-square with two degrees of freedom
+_CHUNK = 20_000  # windows answered at a time
+_LEAST = 100  # windows of a kind, below which its figures say nothing
+_BINS = 4
+# The simulator's scenarios of flown bodies, none of which has taught anything
+SCENARIOS = ("rocket", "coast", "glider")
 
 
-def figures_of(net: GravityNet, epochs: GravityEpochs) -> dict[str, float]:
-    """Return RMS errors, degrees, of network and baselines, and the network's consistency.
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Answers:
+    """A network's answers to windows."""
 
-    NEES is the mean normalised estimation error squared, 2 of an honest covariance.
+    g_b: FloatArray  # (n, 3)
+    covariance: FloatArray  # (n, 3, 3)
+
+    @classmethod
+    def of(cls, net: GravityNet, epochs: GravityEpochs) -> "Answers":
+        """Return the answers of a network on the CPU to all windows."""
+        rows = Rows.of(epochs)
+        g_b, covariance = [], []
+        with torch.no_grad():
+            for first in range(0, len(rows), _CHUNK):
+                chunk = slice(first, first + _CHUNK)
+                answer = net(*(one[chunk] for one in rows.seen(aided=net.aided)))
+                g_b.append(answer[0].double().numpy())
+                covariance.append(answer[1].double().numpy())
+        return cls(g_b=np.concatenate(g_b), covariance=np.concatenate(covariance))
+
+    @property
+    def sigma_rad(self) -> FloatArray:
+        """Return the stated sigma of each axis across the answer, (n,)."""
+        return np.asarray(np.sqrt(np.einsum("nii->n", self.covariance) / 2))
+
+    def level(self, epochs: GravityEpochs) -> tuple[FloatArray, FloatArray]:
+        """Return errors and covariances in the axes north and east, as calibration has them."""
+        axes = epochs.R_nb[:, :2]
+        error = np.einsum("nij,nj->ni", axes, self.g_b)
+        return error, axes @ self.covariance @ axes.swapaxes(1, 2)
+
+
+def by_kind(
+    net: GravityNet, epochs: GravityEpochs, most_rad: float
+) -> tuple[str, dict[str, float]]:
+    """Return a table of kinds of flight and the figures of all together.
+
+    NEES is of one degree of freedom, of windows whose stated sigma is within the limit; what the
+    constant covariance, the best of each kind, loses in likelihood is a mean over flights.
     """
-    rows = Rows.of(epochs)
-    with torch.no_grad():
-        g_b, covariance = net(*rows.seen(aided=net.aided))
-        _, squared, _ = deviation((g_b, covariance), rows.g_b)
-    nees = squared.numpy().astype(float)
-    error_deg = {"network": angles_deg(g_b.numpy().astype(float), epochs.g_b)}
-    error_deg |= {name: angles_deg(baseline(name, epochs), epochs.g_b) for name in BASELINES}
-    found = {f"{name}, RMS deg": rms(error) for name, error in error_deg.items()}
-    found["network, NEES"] = float(nees.mean())
-    found["network, % within the 95 % ellipse"] = 100.0 * float((nees < _WITHIN).mean())
-    for k, phase in enumerate(PHASES):
-        of = epochs.phase == k
-        if of.any():
-            found |= {f"{phase}: {name}, RMS deg": rms(e[of]) for name, e in error_deg.items()}
-            found[f"{phase}: network, NEES"] = float(nees[of].mean())
-    return found
+    answers = Answers.of(net, epochs)
+    error, P = answers.level(epochs)
+    within = answers.sigma_rad <= most_rad
+    degrees = {"network": angles_deg(answers.g_b, epochs.g_b)}
+    degrees |= {
+        name: angles_deg(baseline(name, epochs), epochs.g_b)
+        for name in (BASELINES[0], "physical pair")
+    }
+    squared = np.einsum("ni,ni->n", error, np.linalg.solve(P, error[:, :, None])[:, :, 0])
+    rows, rng = [], np.random.default_rng(0)
+    for k, kind in enumerate(PHASES):
+        own = within & (epochs.phase == k)
+        share = own.sum() / max((epochs.phase == k).sum(), 1)
+        if own.sum() < _LEAST:
+            rows.append([kind, f"{100 * share:.0f} %", *["–"] * 5])
+            continue
+        gain = _gain(error[own], P[own], epochs.flight[own], rng)
+        rows.append(
+            [
+                kind,
+                f"{100 * share:.0f} %",
+                *(f"{rms(one[own]):.2f}" for one in degrees.values()),
+                f"{squared[own].mean() / 2:.2f}",
+                f"{gain.value:+.2f} ({gain.low:+.2f} to {gain.high:+.2f})",
+            ]
+        )
+    heads = ("kind", "answered", *(f"{name}, RMS deg" for name in degrees), "NEES of 1")
+    metrics = {f"{name}, RMS deg": rms(one[within]) for name, one in degrees.items()}
+    metrics |= {
+        "windows answered, %": 100.0 * float(within.mean()),
+        "network, NEES of 1": float(squared[within].mean() / 2),
+    }
+    return markdown_table((*heads, "NLL less the best constant's"), rows), metrics
 
 
-def independent_after_s(
-    net: GravityNet, world: GravityWorld, flights: int, *, rng: np.random.Generator
-) -> float:
-    """Return the time after which a network's errors may be counted as new ones.
+def _gain(error: FloatArray, P: FloatArray, flight: IntArray, rng: np.random.Generator) -> Interval:
+    """Return the difference of mean NLL per flight, network less the best constant covariance."""
+    own, constant = (_nll(error, one) for one in (P, error.T @ error / len(error)))
+    _, number = np.unique(flight, return_inverse=True)
+    counts = np.bincount(number)
+    return pooled(np.bincount(number, own - constant) / counts, rng, squared=False)
 
-    The mean of errors that last for a time T each has a variance of T over the span averaged. The
-    errors are those of many flights, whitened by the network's covariance, turned to the frame n,
-    in which an attitude takes them up; so T is the span times the mean's variance over theirs.
+
+def _nll(error: FloatArray, P: FloatArray) -> FloatArray:
+    P = np.broadcast_to(P, (len(error), 2, 2))
+    squared = np.einsum("ni,ni->n", error, np.linalg.solve(P, error[:, :, None])[:, :, 0])
+    return np.asarray((squared + np.linalg.slogdet(2 * np.pi * P)[1]) / 2)
+
+
+def free_flight(net: GravityNet, epochs: GravityEpochs, world: GravityWorld) -> str:
+    """Return a table of windows of a coasting rocket beside a bound on what they can tell.
+
+    Without thrust the accelerometer feels the air alone, nearly along the axis. The roll is in what
+    is lateral of it, the window's mean F: velocities have its direction with the sigma of a fitted
+    line's slope, the accelerometer with that of its bias, so that the roll has the sigma
+    hypot(slope, bias) / F, at most that of an unknown angle. The nose follows the velocity
+    less the wind w, which a window does not show. At a path's slope gamma down errs by
+    cos(gamma) sin(roll) and, in each of two axes, by sin(gamma) w / v.
     """
-    windows = msgspec.structs.replace(world.windows, per_flight=_EACH, flight_s=_SPAN_S)
-    changed = msgspec.structs.replace(world, windows=windows, shard_epochs=_EACH)
-    epochs = draw(changed, flights * _EACH, rng=rng)
-    rows = Rows.of(epochs)
+    rocket = PHASES.index("rocket")
+    coast = np.abs(epochs.f_b_mps2[:, :, 0]).max(axis=1) < GRAVITY_MPS2
+    own = epochs[(epochs.phase == rocket) & coast]
+    if len(own) < _LEAST:
+        return "None of the windows is of one."
+    answers = Answers.of(net, own)
     with torch.no_grad():
-        g_b, covariance = (t.double().numpy() for t in net(*rows.seen(aided=net.aided)))
-    white_b = whitened(g_b, covariance, epochs.g_b)
-    white_n = np.einsum("nij,nj->ni", epochs.R_nb, white_b).reshape(flights, _EACH, 3)
-    of_means = (white_n.mean(axis=1) ** 2).sum()
-    return float(round(_SPAN_S * of_means / (white_n**2).sum(axis=2).mean(axis=1).sum(), 2))
+        motion = CourseMotion()(torch.from_numpy(own.v_n_mps).double())
+    velocity, mean = motion.velocity.numpy(), motion.mean_force().numpy()
+    n, bias_mps2 = VELOCITIES, world.imu.accelerometer_bias_mps2
+    slope = np.sqrt(12 / (n * (n**2 - 1))) * VELOCITY_HZ * world.velocity_noise_mps[0]
+    force = np.linalg.norm(np.cross(mean, velocity), axis=1) / np.linalg.norm(velocity, axis=1)
+    roll = np.minimum(np.hypot(slope, bias_mps2) / force, np.pi / np.sqrt(3))
+    winds = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
+    wind = np.sqrt(np.mean([np.square(np.linspace(*one)).mean() for one in winds]) / 2)
+    speed = np.linalg.norm(velocity, axis=1)
+    level, steep = velocity[:, 0] / speed, velocity[:, 2] / speed
+    across = level * np.sin(np.minimum(roll, np.pi / 2))
+    bound = np.degrees(np.sqrt(across**2 + 2 * (steep * np.minimum(wind / speed, 1.0)) ** 2))
+    degrees, stated = angles_deg(answers.g_b, own.g_b), np.degrees(answers.sigma_rad)
+    rows = [
+        [
+            f"{bound[part].min():.1f} to {bound[part].max():.1f}",
+            f"{rms(bound[part]):.1f}",
+            f"{rms(degrees[part]):.1f}",
+            f"{np.sqrt(2) * rms(stated[part]):.1f}",
+        ]
+        for part in np.array_split(np.argsort(bound), _BINS)
+    ]
+    heads = ("bound, deg", "its RMS", "network's error, RMS", "stated")
+    return markdown_table(heads, rows)
 
 
-def whitened(g_b: FloatArray, covariance: FloatArray, true_b: FloatArray) -> FloatArray:
-    """Return errors across ``g_b``, (n, 3), by the symmetric root of their inverse covariance."""
-    apart = true_b - np.einsum("ni,ni->n", g_b, true_b)[:, None] * g_b
-    sine = np.linalg.norm(apart, axis=1, keepdims=True)
-    angle = np.arctan2(sine, np.einsum("ni,ni->n", g_b, true_b)[:, None])
-    error = apart * angle / np.maximum(sine, 1e-12)
-    values, axes = np.linalg.eigh(covariance)
-    inside = np.einsum("nij,ni->nj", axes[:, :, 1:], error) / np.sqrt(values[:, 1:])
-    return np.asarray(np.einsum("nij,nj->ni", axes[:, :, 1:], inside))
+def flown_scenario(name: str, count: int, seed: list[int]) -> list[Flight]:
+    """Return flights of a scenario of the simulator with velocities in place of its receivers."""
+    fixes = FixesTable(rate_hz=VELOCITY_HZ)
+    scenario = msgspec.structs.replace(load_scenario(name), gnss=None, fixes=fixes)
+    rngs = np.random.default_rng(seed).spawn(count)
+    return [one.flight for one in simulate_many(scenario, rngs)]
+
+
+def calibrated(found: dict[str, Calibration]) -> str:
+    """Return a table of calibrations by name.
+
+    "Together" is the NEES of the mean of a flight's answers, counted as the factor counts them.
+    """
+    rows = [
+        [
+            name,
+            f"{one.count} of {one.count + one.outside}",
+            f"{one.network.nees:.2f}",
+            f"{one.network.nll:.2f}",
+            f"{one.constant.nll:.2f}",
+            f"{np.degrees(one.network.energy):.2f}",
+            f"{np.degrees(one.constant.energy):.2f}",
+            f"{one.together[0]:.2f}",
+        ]
+        for name, one in found.items()
+    ]
+    heads = ("flights", "answers", "NEES of 1", "NLL", "constant's", "energy, deg", "constant's")
+    return markdown_table((*heads, "together"), rows)

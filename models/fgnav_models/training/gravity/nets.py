@@ -6,13 +6,23 @@ import torch
 from torch import nn
 
 from fgnav_models.training.ambiguity.nets import Architecture, StackedDense, StackedRecurrent
-from fgnav_models.training.gravity.features import SAMPLES
+from fgnav_models.training.gravity.features import (
+    SAMPLES,
+    VELOCITIES,
+    CourseMotion,
+    Motion,
+    cross,
+    directions,
+    inputs,
+    unit,
+)
 
-_GRAVITY_MPS2 = 9.81  # scale, and first guess of what the velocities' acceleration lacks
-_MOTION_SCALE = (0.01, 0.02, 0.1, 0.1, 0.1)  # of ``course_motion``: speeds, accelerations
+_LAYERS = 4
+_FAR = 10.0  # standard deviations; an input beyond is not one of training
 _FIRST_LOG_SIGMA = -2.5  # about 5 degrees
 _LOG_SIGMA_RANGE = (-8.0, 2.0)
 _TINY = 1e-6
+_ROUNDING = 1e-6  # of a determinant in single precision
 
 
 class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
@@ -23,7 +33,7 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
     Parameters
     ----------
     architecture : Architecture
-        An MLP sees the newest sample, a recurrent network the window.
+        An MLP sees all samples of the window at once, a recurrent network one after another.
     seen, wanted : tensor, shape (n, k, 3) and (n, 3)
         The training set: specific force and gravity, m/s2.
     seed : int
@@ -40,7 +50,7 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
             self.register_buffer(f"{name}_low", low)
             self.register_buffer(f"{name}_range", (high - low).clamp_min(_TINY))
         self.recurrent: StackedRecurrent | None = None
-        width = 3
+        width = seen[0].numel()
         if architecture.kind != "mlp":
             self.recurrent = StackedRecurrent(1, 3, architecture, generator)
             width = architecture.recurrent
@@ -52,7 +62,7 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
     def forward(self, f_b_mps2: torch.Tensor) -> torch.Tensor:
         """Return gravity scaled to 0 … 1, (n, 3), of windows, (n, k, 3)."""
         x = (f_b_mps2 - self.input_low) / self.input_range
-        h = x[None, :, -1] if self.recurrent is None else self.dropout(self.recurrent(x))
+        h = x.flatten(1)[None] if self.recurrent is None else self.dropout(self.recurrent(x))
         for k, layer in enumerate(self.dense):
             h = layer(h) if k == 0 else layer(self.dropout(torch.relu(h)))
         return torch.sigmoid(h[0])
@@ -69,57 +79,65 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
 class GravityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
     """A correction of what physics says, with a covariance across it.
 
-    Physics is minus the newest specific force; with a receiver's motion, the attitude that brings
-    the specific force to the acceleration less gravity, the nose as near the velocity as that
-    leaves it.
+    The answer is a sum of the ``directions`` that physics has for down, weighted by the network,
+    and a vector of its own. Untrained it is the first of them: the physical pair, or minus the
+    newest specific force.
 
     Parameters
     ----------
     aided : bool
-        Whether it sees ``course_motion``.
+        Whether it sees velocities.
     width, seed : int
-        Of the three hidden layers; of the first weights.
+        Of the four hidden layers; of the first weights.
     """
 
     def __init__(self, *, aided: bool, width: int, seed: int) -> None:
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
-        self.aided = aided
-        inputs = 3 * SAMPLES + 4 + (9 if aided else 0)
-        sizes = pairwise((inputs, width, width, width, 9))
+        self.aided, self.course = aided, CourseMotion()
+        seen = (torch.ones((1, SAMPLES, 3)), torch.ones((1, VELOCITIES, 3)))[: 2 if aided else 1]
+        d, physics = inputs(seen[0], self.motion(*seen[1:])).shape[1], 4 if aided else 1
+        sizes = pairwise((d, *[width] * _LAYERS, 9 + physics))
         self.dense = nn.ModuleList(StackedDense(1, i, o, generator) for i, o in sizes)
-        self.register_buffer("motion_scale", torch.tensor(_MOTION_SCALE))
+        self.register_buffer("offset", torch.zeros(d))
+        self.register_buffer("spread", torch.ones(d))
         self.register_buffer("variance_scale", torch.ones(()))
         with torch.no_grad():
             self.dense[-1].weight.mul_(0.0)
             self.dense[-1].bias[..., 3:6] = _FIRST_LOG_SIGMA
+            self.dense[-1].bias[..., 9] = 1.0
+
+    def motion(self, v_n_mps: torch.Tensor | None = None) -> Motion | None:
+        """Return the motion of velocities, None of none."""
+        return None if v_n_mps is None else self.course(v_n_mps)
+
+    def scaled(self, f_b_mps2: torch.Tensor, motion: Motion | None) -> torch.Tensor:
+        """Return the inputs of windows in standard deviations of training, (n, d)."""
+        return (inputs(f_b_mps2, motion) - self.offset) / self.spread
+
+    def scale_inputs(self, *seen: torch.Tensor) -> None:
+        """Take offset and spread of the inputs from training windows, as ``forward`` takes them."""
+        x = inputs(seen[0], self.motion(*seen[1:]))
+        self.offset.copy_(x.mean(dim=0))
+        self.spread.copy_(x.std(dim=0).clamp_min(_TINY))
 
     def forward(
-        self, f_b_mps2: torch.Tensor, motion: torch.Tensor | None = None
+        self, f_b_mps2: torch.Tensor, v_n_mps: torch.Tensor | None = None
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """Return unit vectors, (n, 3), and their covariance, (n, 3, 3), rank two.
 
-        Takes windows, (n, SAMPLES, 3), and ``course_motion``, (n, 5).
+        Takes windows, (n, SAMPLES, 3), and velocities, (n, VELOCITIES, 3).
         """
-        force = f_b_mps2[:, -1]
-        size = force.norm(dim=1, keepdim=True)
-        physics = -_unit(force)
-        parts = [f_b_mps2.flatten(1) / _GRAVITY_MPS2, physics, size / _GRAVITY_MPS2 - 1.0]
-        if motion is not None:
-            force_c = motion[:, 2:] - motion.new_tensor([0.0, 0.0, _GRAVITY_MPS2])
-            physics = _down_by_pair(force, force_c, motion)
-            parts += [
-                motion * self.motion_scale,
-                physics,
-                size - force_c.norm(dim=1, keepdim=True),
-            ]
-        h = torch.cat(parts, dim=1)[None]
-        for layer in self.dense[:-1]:
-            h = nn.functional.silu(layer(h))
-        answer = self.dense[-1](h)[0]
-        g_b = _unit(physics + answer[:, :3])
-        across = torch.eye(3) - g_b[:, :, None] * g_b[:, None, :]
-        root = across @ _triangle(answer[:, 3:]) * self.variance_scale.sqrt()
+        motion = self.motion(v_n_mps)
+        h = self.scaled(f_b_mps2, motion).clamp(-_FAR, _FAR)
+        for k, layer in enumerate(self.dense[:-1]):
+            change = nn.functional.silu(_sums(layer, h))
+            h = change if k == 0 else h + change
+        answer = _sums(self.dense[-1], h)
+        physics = directions(f_b_mps2, motion)
+        g_b = unit((answer[:, 9:, None] * physics).sum(dim=1) + answer[:, :3])
+        across = torch.eye(3).to(g_b) - g_b[:, :, None] * g_b[:, None, :]
+        root = across @ _triangle(answer[:, 3:9]) * self.variance_scale.sqrt()
         return g_b, root @ root.transpose(1, 2)
 
 
@@ -142,7 +160,8 @@ def deviation(
     sine = apart.norm(dim=1, keepdim=True).clamp_min(_TINY)
     error = apart * torch.atan2(sine, cosine) / sine
     C = axes @ covariance @ axes.transpose(1, 2)
-    determinant = C[:, 0, 0] * C[:, 1, 1] - C[:, 0, 1] ** 2
+    product = C[:, 0, 0] * C[:, 1, 1]
+    determinant = torch.maximum(product - C[:, 0, 1] ** 2, _ROUNDING * product)
     first, second = error[:, 0], error[:, 1]
     squared = C[:, 1, 1] * first**2 - 2 * C[:, 0, 1] * first * second + C[:, 0, 0] * second**2
     return error, squared / determinant, determinant.log()
@@ -155,31 +174,9 @@ def negative_log_likelihood(module: nn.Module, batch: tuple[torch.Tensor, ...]) 
     return 0.5 * (squared + log_determinant).mean()
 
 
-def _unit(vector: torch.Tensor) -> torch.Tensor:
-    return vector / vector.norm(dim=-1, keepdim=True).clamp_min(_TINY)
-
-
-def _frame(first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
-    """Return axes as columns, (n, 3, 3): the first vector, then across both."""
-    x, y = _unit(first), _unit(_cross(first, second))
-    return torch.stack([x, y, _cross(x, y)], dim=2)
-
-
-def _cross(a: torch.Tensor, b: torch.Tensor) -> torch.Tensor:
-    return torch.stack(
-        [a[:, i] * b[:, j] - a[:, j] * b[:, i] for i, j in ((1, 2), (2, 0), (0, 1))], 1
-    )
-
-
-def _down_by_pair(
-    force_b: torch.Tensor, force_c: torch.Tensor, motion: torch.Tensor
-) -> torch.Tensor:
-    """Return down in body axes from one vector in both frames and the nose along the velocity."""
-    still = torch.zeros_like(motion[:, 0])
-    velocity_c = torch.stack([motion[:, 0], still, -motion[:, 1]], dim=1)
-    nose_b = torch.stack([still + 1.0, still, still], dim=1)
-    R_cb = _frame(force_c, velocity_c) @ _frame(force_b, nose_b).transpose(1, 2)
-    return R_cb[:, 2]
+def _sums(layer: StackedDense, x: torch.Tensor) -> torch.Tensor:
+    """Return a layer's sums, (n, o), in the precision of what it is given."""
+    return x @ layer.weight[0].to(x.dtype) + layer.bias[0].to(x.dtype)
 
 
 def _triangle(numbers: torch.Tensor) -> torch.Tensor:
@@ -194,6 +191,6 @@ def _triangle(numbers: torch.Tensor) -> torch.Tensor:
 
 def _axes_across(g_b: torch.Tensor) -> torch.Tensor:
     """Return two unit vectors across each unit vector, (n, 2, 3)."""
-    least = torch.eye(3)[g_b.abs().argmin(dim=1)]
-    first = _unit(_cross(g_b, least))
-    return torch.stack([first, _cross(g_b, first)], dim=1)
+    least = torch.eye(3).to(g_b)[g_b.abs().argmin(dim=1)]
+    first = unit(cross(g_b, least))
+    return torch.stack([first, cross(g_b, first)], dim=1)

@@ -1,16 +1,18 @@
 """The paper's gravity networks: accelerations of 10,000 samples to gravity, by regression."""
 
+from dataclasses import dataclass
 from math import ceil
+from pathlib import Path
 from typing import Literal
 
 import msgspec
-import numpy as np
 import torch
 
 from fgnav.io.atomic_write import made_folder, write_text
-from fgnav.io.strict_toml import Positive, Table
-from fgnav_models.training.ambiguity.experiment import SliceOver
-from fgnav_models.training.ambiguity.nets import Architecture, Count
+from fgnav.io.strict_toml import Table
+from fgnav_models.training.ambiguity.experiment import Experiment, SliceOver
+from fgnav_models.training.ambiguity.nets import Count
+from fgnav_models.training.ambiguity.phases import Grid, three_phases
 from fgnav_models.training.gravity.data import (
     BASELINES,
     Drawn,
@@ -21,6 +23,7 @@ from fgnav_models.training.gravity.data import (
     rms,
     split,
 )
+from fgnav_models.training.gravity.features import GRAVITY_MPS2
 from fgnav_models.training.gravity.nets import PaperGravity
 from fgnav_models.training.order import Order
 from fgnav_models.training.train import Batch, Settings, train
@@ -32,97 +35,106 @@ _DATA = 4  # stream of random numbers
 
 
 class PaperStudy(Table, frozen=True):
-    """The paper's data, split and networks."""
+    """The paper's data, its split, and what its phases 1 to 3 try."""
 
     samples: Count = 10_000
     shares: tuple[float, float, float] = (0.7, 0.15, 0.15)  # train, validate, test
     # ``"samples"`` as in the paper, where every flight is on all sides; ``"flights"``
     splits: tuple[By, ...] = ("samples", "flights")
-    networks: dict[str, Architecture] = msgspec.field(default_factory=dict)
-    # by the kind of architecture
-    batches: dict[str, Count] = msgspec.field(default_factory=lambda: {"mlp": 200, "rnn": 16})
-    passes: Positive = 200.0
-    learning_rate: Positive = 1e-3
-
-    def __post_init__(self) -> None:
-        """Require a batch for each network."""
-        for network in self.networks.values():
-            if network.kind not in self.batches:
-                raise ValueError(f"batches: must hold {network.kind}")
+    start: Experiment = Experiment(task="regression", passes=200.0)
+    grid: Grid = Grid(tasks=("regression",), types=("mlp", "rnn"))
 
 
 def run_paper(study: PaperStudy, world: GravityWorld, seed: int, order: Order) -> list[list[str]]:
-    """Train each network on each split; return rows of the report, RMS errors in degrees.
+    """Run the phases on each split; return rows of the report, RMS errors in degrees.
 
     Raises
     ------
     SliceOver
         If the time was up before the end.
     """
-    epochs = draw(world, study.samples, rng=np.random.default_rng([seed, _DATA]))
+    epochs = draw(world, study.samples, seed=[seed, _DATA])
     found = []
     for by in study.splits:
-        train_rows, validation_rows, test_rows = split(epochs.flight, study.shares, by, seed)
-        apart = epochs[test_rows]
-        where = f"unseen {by}"
-        for name, architecture in study.networks.items():
-            of = (epochs[train_rows], epochs[validation_rows])
-            folder = f"{name} by {by}"
-            error = _error_deg(architecture, study, of, apart, folder, seed, order)
-            found.append([name, where, "RMS deg", f"{error:.4g}"])
+        rows = split(epochs.flight, study.shares, by, seed)
+        bench = _Bench(parts=tuple(epochs[part] for part in rows), by=by, order=order, errors={})
+        three_phases(study.grid, study.start, "regression", bench.score)
+        where, apart = f"unseen {by}", epochs[rows[2]]
+        found += [[name, where, "RMS deg", f"{error:.4g}"] for name, error in bench.errors.items()]
         for name in BASELINES:
             error = rms(angles_deg(baseline(name, apart), apart.g_b))
             found.append([name, where, "RMS deg", f"{error:.4g}"])
     return found
 
 
-def _error_deg(
-    architecture: Architecture,
-    study: PaperStudy,
-    parts: tuple[GravityEpochs, GravityEpochs],
-    apart: GravityEpochs,
-    name: str,
-    seed: int,
-    order: Order,
-) -> float:
-    """Train one network and return its RMS error; what a folder holds already is taken."""
-    folder = made_folder(order.out / name)
-    done = folder / "rms_deg.txt"
-    if done.exists():
-        return float(done.read_text(encoding="utf-8"))
-    seen, held = (_gravity(part) for part in parts)
-    net = PaperGravity(architecture, *seen, seed).to(order.device)
-    batch = study.batches[architecture.kind]
-    steps = max(1, ceil(study.passes * len(parts[0]) / batch))
-    trained = train(
-        net,
-        Drawn(tensors=tuple(t.to(order.device) for t in seen), batch=batch, seed=seed),
-        _loss,
-        Settings(
-            steps=steps,
-            learning_rate=study.learning_rate,
-            schedule="constant",
-            seed=seed,
-            validate_every=max(1, ceil(steps / 20)),
-        ),
-        folder / "checkpoint.safetensors",
-        validate=lambda module: _validation(module, tuple(t.to(order.device) for t in held)),
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(name, progress),
-    )
-    if not trained.finished:
-        raise SliceOver
+class _Outcome(msgspec.Struct, frozen=True):
+    """Root mean square errors of an experiment, degrees."""
+
+    validation_deg: float
+    test_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bench:
+    """Trains networks on windows to train, to validate and to test."""
+
+    parts: tuple[GravityEpochs, ...]
+    by: By
+    order: Order
+    errors: dict[str, float]  # on the test windows, degrees, by the experiment's name
+
+    def score(self, name: str, experiment: Experiment) -> float:
+        """Return minus the error on the validation windows; what a folder holds is taken."""
+        folder = made_folder(self.order.out / f"paper by {self.by}" / name)
+        done = folder / "outcome.json"
+        if done.exists():
+            outcome = msgspec.json.decode(done.read_bytes(), type=_Outcome)
+        else:
+            net = self._trained(name, experiment, folder / "checkpoint.safetensors")
+            outcome = _Outcome(*(_error_deg(net, part, experiment) for part in self.parts[1:]))
+            write_text(done, msgspec.json.encode(outcome).decode() + "\n")
+        self.errors[name] = outcome.test_deg
+        return -outcome.validation_deg
+
+    def _trained(self, name: str, experiment: Experiment, checkpoint: Path) -> PaperGravity:
+        order = self.order
+        seen, held = (
+            tuple(t.to(order.device) for t in _gravity(part, experiment)) for part in self.parts[:2]
+        )
+        net = PaperGravity(experiment.architecture, seen[0], seen[1], experiment.seed)
+        net.to(order.device)
+        steps = max(1, ceil(experiment.passes * len(seen[0]) / experiment.batch))
+        trained = train(
+            net,
+            Drawn(tensors=seen, batch=experiment.batch, seed=experiment.seed),
+            _loss,
+            Settings(
+                steps=steps,
+                learning_rate=experiment.learning_rate,
+                schedule="constant",
+                seed=experiment.seed,
+                validate_every=max(1, ceil(steps / experiment.validations)),
+            ),
+            checkpoint,
+            validate=lambda module: _validation(module, held),
+            deadline_s=order.deadline_s,
+            watch=lambda progress: order.watch(name, progress),
+        )
+        if not trained.finished:
+            raise SliceOver
+        net.cpu()
+        return net
+
+
+def _error_deg(net: PaperGravity, epochs: GravityEpochs, experiment: Experiment) -> float:
     with torch.no_grad():
-        estimated = net.cpu().gravity_b_mps2(Rows.of(apart).f_b_mps2).numpy().astype(float)
-    error = rms(angles_deg(estimated, apart.g_b))
-    write_text(done, f"{error!r}\n")
-    return error
+        estimated = net.gravity_b_mps2(_gravity(epochs, experiment)[0]).numpy().astype(float)
+    return rms(angles_deg(estimated, epochs.g_b))
 
 
-def _gravity(epochs: GravityEpochs) -> tuple[torch.Tensor, torch.Tensor]:
+def _gravity(epochs: GravityEpochs, experiment: Experiment) -> tuple[torch.Tensor, torch.Tensor]:
     rows = Rows.of(epochs)
-    size = torch.from_numpy(epochs.gravity_mps2).float()
-    return rows.f_b_mps2, rows.g_b * size[:, None]
+    return rows.f_b_mps2[:, -experiment.window :], GRAVITY_MPS2 * rows.g_b
 
 
 def _loss(module: torch.nn.Module, batch: Batch) -> torch.Tensor:

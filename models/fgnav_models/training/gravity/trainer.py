@@ -1,53 +1,53 @@
 """Recipes of kind ``gravity``: the source paper's networks, and those that are released."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import torch
 
 from fgnav.io.atomic_write import made_folder, write_text
-from fgnav.io.strict_toml import Table
-from fgnav.methods.smoother import Batch
+from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.calibration import calibration
-from fgnav.neural.factor import NeuralFactor
-from fgnav.neural.manifest import read_manifest
+from fgnav.neural.manifest import Statistic
 from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
-from fgnav_models.training.gravity.factor import CALM, UNITS, figures_of_windows, release_gravity
-from fgnav_models.training.gravity.figures import figures_of, independent_after_s
+from fgnav_models.training.gravity.factor import (
+    CALM,
+    SIGMA,
+    UNITS,
+    figures_of_windows,
+    release_gravity,
+)
+from fgnav_models.training.gravity.figures import (
+    SCENARIOS,
+    Answers,
+    by_kind,
+    calibrated,
+    flown_scenario,
+    free_flight,
+)
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
-from fgnav_models.training.gravity.through import (
-    DrawnFlights,
-    Errors,
-    Through,
-    flown,
-    gravity_flights,
-)
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table
-from fgnav_models.training.smoother.judging import compared, judged, report_rows, text
+from fgnav_models.training.recipes import said, scaled
+from fgnav_models.training.release import made_with, markdown_table
 from fgnav_models.training.train import train
-from fgnav_sim.data_sets.gravity import GravityEpochs
-from fgnav_sim.data_sets.gravity_motions import PHASES
+from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
-_TRAIN, _CALIBRATE, _TEST, _TIME = range(4)  # streams of random numbers: flights apart
-_THROUGH, _VALIDATE, _HELD_OUT, _INTERVAL, _FOLLOWED = range(10, 15)  # 4 is the paper's
-_VALIDATIONS = 20  # through the smoother
-_WAIT = "independent after, s"
+_TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
+_FOLLOWED, _SCENARIOS = 10, 11  # 4 is the paper's
+_SCALED = 50_000  # windows that inputs are scaled by, and the domain is told by
 
 
 class Learned(Table, frozen=True):
     """A network with a covariance, to be released as a factor."""
 
     release: Release  # its name and its card's words
-    aided: bool = True  # whether it sees a receiver's motion
+    aided: bool = True  # whether it sees velocities
 
 
 class Training(Learning, frozen=True):
@@ -57,6 +57,10 @@ class Training(Learning, frozen=True):
     windows: Count = 400_000
     held_out: Count = 40_000
     followed: Count = 200  # flights to tell from how soon errors are new ones
+    flown: Count = 30  # flights of each scenario of a flown body, to judge on
+    # stated sigma of each axis beyond which no answer is given: an ellipse on a tangent plane says
+    # little of a direction that may be anywhere on a ring
+    most_sigma_deg: Positive = 15.0
 
 
 class Recipe(Table, frozen=True):
@@ -65,7 +69,6 @@ class Recipe(Table, frozen=True):
     world: GravityWorld
     paper: PaperStudy | None = None
     training: Training = Training()
-    through: Through = Through()
     network: tuple[Learned, ...] = ()
     seed: int = 1
 
@@ -75,12 +78,10 @@ def run(order: Order) -> list[str] | None:
     recipe = scaled(order, Recipe)
     try:
         rows = []
-        if recipe.paper is not None and order.through == "alone":
+        if recipe.paper is not None:
             rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
         flights = _Flights(recipe)
         rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
-        if order.through == "smoother":
-            rows += [row for one in recipe.network for row in _through(one, recipe, flights, order)]
     except SliceOver:
         return None
     heads = ("network", "tried on", "figure", "value")
@@ -99,23 +100,20 @@ class _Flights:
     def __call__(self, stream: int) -> GravityEpochs:
         """Return the windows to train, to calibrate or to test."""
         if stream not in self.drawn:
-            how, rng = self.recipe.training, np.random.default_rng([self.recipe.seed, stream])
+            how = self.recipe.training
             count = how.windows if stream == _TRAIN else how.held_out
-            self.drawn[stream] = draw(self.recipe.world, count, rng=rng)
+            self.drawn[stream] = draw(self.recipe.world, count, seed=[self.recipe.seed, stream])
         return self.drawn[stream]
 
 
 def _learn(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> list[list[str]]:
     """Train, calibrate, judge and release one network; return its rows of the report."""
-    name, seed = learned.release.name, recipe.seed
+    name = learned.release.name
     done = made_folder(order.out / name) / "metrics.json"
     if done.exists():
         return _rows(name, msgspec.json.decode(done.read_bytes(), type=dict[str, float]))
-    net, apart = _trained(learned, recipe, flights, order), flights(_TEST)
-    rng = np.random.default_rng([seed, _TIME])
-    wait_s = independent_after_s(net, recipe.world, recipe.training.followed, rng=rng)
-    metrics = figures_of(net, apart) | {_WAIT: wait_s}
-    _release(net, flights, learned, recipe, metrics, order.out)
+    net = _trained(learned, recipe, flights, order)
+    metrics = _release(net, flights, learned, recipe, order)
     write_text(done, msgspec.json.encode(metrics).decode() + "\n")
     return _rows(name, metrics)
 
@@ -126,86 +124,40 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     epochs, held = flights(_TRAIN), flights(_CALIBRATE)
     net = GravityNet(aided=aided, width=how.width, seed=seed)
     net.to(order.device)
+    learn, judge = (_tensors(one, order.device, aided=aided) for one in (epochs, held))
+    net.scale_inputs(*(tensor[:_SCALED] for tensor in learn[:-1]))
     trained = train(
         net,
-        Drawn(tensors=_tensors(epochs, order.device, aided=aided), batch=how.batch, seed=seed),
+        Drawn(tensors=learn, batch=how.batch, seed=seed, mirrored=True),
         negative_log_likelihood,
         how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: validated(
-            negative_log_likelihood, module, _tensors(held, order.device, aided=aided)
-        ),
+        validate=lambda module: validated(negative_log_likelihood, module, judge),
         deadline_s=order.deadline_s,
         watch=lambda progress: order.watch(name, progress),
     )
     if not trained.finished:
         raise SliceOver
     net.cpu()
-    calibrate(net, held)
+    calibrate(net, held, np.radians(how.most_sigma_deg))
     return net
-
-
-def _through(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) -> list[list[str]]:
-    """Train a network on through the smoother, compare both; return its rows of the report."""
-    name, how, seed, world = learned.release.name, recipe.through, recipe.seed, recipe.world
-    folder = made_folder(order.out / name / "through")
-    done = folder / "report_rows.json"
-    if done.exists():
-        return msgspec.json.decode(done.read_bytes(), type=list[list[str]])
-    net = _trained(learned, recipe, flights, order)
-    factor = NeuralFactor(order.out / f"{name}.json")
-    alone, stated = Batch(factors=(factor,)), read_manifest(factor.manifest).output
-    errors = Errors.of(factor, stated.half_life_s, stated.lasting)
-
-    def drawn(stream: int, count: int) -> DrawnFlights:
-        flights = flown(world, how.phases, count, how.duration_s, [seed, stream])
-        return DrawnFlights(
-            flights=gravity_flights(flights, alone, aided=learned.aided),
-            batch=how.batch,
-            errors=errors,
-            seed=seed,
-        )
-
-    learn, held = drawn(_THROUGH, how.flights), drawn(_VALIDATE, how.validated)
-    trained = train(
-        net,
-        learn,
-        learn.loss,
-        how.settings(seed, _VALIDATIONS),
-        folder / "checkpoint.safetensors",
-        validate=lambda module: {"negative_log_likelihood": held.of_all(module)},
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(f"{name} through the smoother", progress),
-    )
-    if not trained.finished:
-        raise SliceOver
-    found = figures_of(net, flights(_TEST))
-    _release(net, flights, learned, recipe, found, folder)
-    unseen = flown(world, how.phases, how.held_out, how.duration_s, [seed, _HELD_OUT])
-    through = Batch(factors=(NeuralFactor(folder / f"{name}.json"),))
-    before, after = (judged(one, unseen) for one in (alone, through))
-    both = compared(before, after, np.random.default_rng([seed, _INTERVAL]))
-    words = learned.release
-    with_both = msgspec.structs.replace(
-        words, notes=words.notes | {"Trained through the smoother": text(both)}
-    )
-    learned = msgspec.structs.replace(learned, release=with_both)
-    _release(net, flights, learned, recipe, found, folder)
-    rows = report_rows(name, both)  # as text: an interval of few flights is none, which JSON lacks
-    write_text(done, msgspec.json.encode(rows).decode() + "\n")
-    return rows
 
 
 def _rows(name: str, metrics: dict[str, float]) -> list[list[str]]:
     return [[name, "unseen flights", key, f"{value:.4g}"] for key, value in metrics.items()]
 
 
-def calibrate(net: GravityNet, held: GravityEpochs) -> None:
-    """Scale a network's covariance so that the mean normalised square of held-out errors is 2."""
-    rows = Rows.of(held)
-    with torch.no_grad():
-        _, squared, _ = deviation(net(*rows.seen(aided=net.aided)), rows.g_b)
-        net.variance_scale *= squared.mean() / 2
+def calibrate(net: GravityNet, held: GravityEpochs, most_rad: float) -> None:
+    """Scale a network's covariance so that the mean normalised square of held-out errors is 2.
+
+    Of windows whose stated sigma is within the limit, which the scale moves: three rounds.
+    """
+    for _ in range(3):
+        answers = Answers.of(net, held)
+        within = answers.sigma_rad <= most_rad
+        answer = (torch.from_numpy(x[within]) for x in (answers.g_b, answers.covariance))
+        _, squared, _ = deviation(tuple(answer), torch.from_numpy(held.g_b[within]))
+        net.variance_scale *= squared.mean().float() / 2
 
 
 def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.Tensor, ...]:
@@ -213,21 +165,57 @@ def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.
     return tuple(t.to(device) for t in (*rows.seen(aided=aided), rows.g_b))
 
 
+def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Statistic, ...]:
+    """Return what figures span over windows that are answered, and the largest sigma."""
+    rows, most_rad = Rows.of(epochs[:_SCALED]), float(np.radians(how.most_sigma_deg))
+    seen = rows.seen(aided=net.aided)
+    with torch.no_grad():
+        covariance = net(*seen)[1]
+        figures = figures_of_windows(net, seen[0], net.motion(*seen[1:]), covariance)
+    within = figures[SIGMA] <= most_rad
+    spans = how.domain(UNITS, {k: x[within].numpy() for k, x in figures.items()}, CALM)
+    limit = Statistic(name=SIGMA, unit=UNITS[SIGMA], range=(0.0, round(most_rad, 4)))
+    return (limit, *spans[1:])
+
+
 def _release(
-    net: GravityNet,
-    flights: _Flights,
-    learned: Learned,
-    recipe: Recipe,
-    metrics: dict[str, float],
-    folder: Path,
-) -> None:
-    """Release a factor, how long its errors last measured on flights as smoothers have them."""
-    words, how, rows = learned.release, recipe.training, Rows.of(flights(_TRAIN))
-    seen = figures_of_windows(rows.f_b_mps2, rows.motion if net.aided else None)
-    domain = how.domain(UNITS, {name: x.numpy() for name, x in seen.items()}, CALM)
-    apart, seed = flights(_TEST), [recipe.seed, _FOLLOWED]
-    release_gravity(net, apart, words, (0.0, 0.0), domain, metrics, folder)
-    followed = flown(recipe.world, PHASES, how.followed, recipe.through.duration_s, seed)
-    found = calibration(folder / f"{words.name}.json", [(one, {}) for one in followed])
+    net: GravityNet, drawn: _Flights, learned: Learned, recipe: Recipe, order: Order
+) -> dict[str, float]:
+    """Release a factor, how long its errors last measured on flights as smoothers have them.
+
+    Returns the figures of its card.
+    """
+    how, world, words, apart = recipe.training, recipe.world, learned.release, drawn(_TEST)
+    domain = _domain(net, drawn(_CALIBRATE), how)
+    table, metrics = by_kind(net, apart, np.radians(how.most_sigma_deg))
+    content = {key: said(getattr(recipe, key)) for key in ("world", "training")}
+    origin = made_with(recipe.seed, content | {"aided": net.aided}, metrics, order)
+
+    def write(words: Release, errors: tuple[float, float]) -> None:
+        release_gravity(net, apart, words, errors, domain, metrics, order.out, origin)
+
+    write(words, (0.0, 0.0))
+    manifest = order.out / f"{words.name}.json"
+    kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
+    rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
+    followed = [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
+    found = calibration(manifest, [(one, {}) for one in followed])
     errors = found.half_life_s, found.lasting
-    release_gravity(net, apart, words, errors, domain, metrics, folder)
+    write(words, errors)
+    judged = {"all kinds alike": followed} | {
+        name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, row])
+        for row, name in enumerate(SCENARIOS)
+    }
+    bodies = {
+        name: calibration(manifest, [(one, {}) for one in flights])
+        for name, flights in judged.items()
+    }
+    notes = {
+        "By kind of flight": table,
+        "As a factor, on flights of the world and of the simulator's scenarios": calibrated(bodies),
+    }
+    if net.aided:
+        notes["A coasting rocket"] = free_flight(net, apart, world)
+    words = msgspec.structs.replace(words, notes=words.notes | notes)
+    write(words, errors)
+    return metrics

@@ -1,5 +1,5 @@
 """Networks trained by what a smoother makes of their answers, whatever they measure.
 
-Owns flights as the smoother has linearised them (``flights``), the likelihood of their truth as a
-loss that torch differentiates (``loss``), and networks judged on held-out flights (``judging``).
+Owns flights as the smoother has linearised them (``flights``), and the likelihood of their truth
+as a loss that torch differentiates (``loss``).
 """

@@ -70,7 +70,7 @@ def training_flight(
             f"flight {flight.name}: key imu.position_b_m: velocities are judged at the "
             "accelerometer; put the body's origin there, or judge attitudes alone"
         )
-    prepared, sourced = own_factors(method.factors, flight, method.prepare(flight))
+    prepared, sourced = own_factors(method.factors or (), flight, method.prepare(flight))
     solution = at_once(prepared, sourced.factors, "gtsam" if sourced.factors else "chain")
     states, t_s = solution.states, prepared.problem.t_s
     R_nb, covered = attitude_at(truth, t_s)

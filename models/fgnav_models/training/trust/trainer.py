@@ -87,7 +87,7 @@ def run(order: Order) -> list[str] | None:
     if not trained.finished:
         return None
     net.cold.fill_(1.0 / temperature(scores(net, validation), validation))
-    _release(net, recipe, learned, {}, order.out)
+    _release(net, recipe, learned, {}, order)
     draws = [_laid_over(recipe, order, trial) for trial in recipe.trials]
     tasks = [(d + 1, k) for d, draw in enumerate(draws) for k in range(draw.arrays)]
     tasks.sort(key=lambda task: task[1])
@@ -99,7 +99,7 @@ def run(order: Order) -> list[str] | None:
         trial.name: merged([x for x, (at, _) in zip(judged, tasks, strict=True) if at == d + 1])
         for d, trial in enumerate(recipe.trials)
     }
-    _release(net, recipe, learned, worlds, order.out)
+    _release(net, recipe, learned, worlds, order)
     return table(worlds).split("\n")
 
 
@@ -223,7 +223,7 @@ def _release(
     recipe: Recipe,
     samples: TrustSamples,
     worlds: dict[str, Judged],
-    folder: Path,
+    order: Order,
 ) -> None:
     content = {k: v for k, v in said(recipe).items() if k not in ("notes", "domain")}
     _, domain = words_and_figures(recipe.domain)
@@ -235,6 +235,6 @@ def _release(
         tuple(epoch_input("candidate", *sensor, 1) for sensor in GIVEN.items()),
         integers_output("score", Covariance(form="posterior", name="none")),
         domain,
-        made_with(recipe.seed, content, metrics),
+        made_with(recipe.seed, content, metrics, order),
     )
-    release(net, [samples.features[:256]], manifest, words, metrics, folder)
+    release(net, [samples.features[:256]], manifest, words, metrics, order.out)

@@ -1,6 +1,6 @@
 """What velocity networks learn from: inertial records of simulated vehicles, cut anywhere."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -30,9 +30,15 @@ class Records:
 
     def windows(self, flight: IntArray, last: IntArray, window: int) -> Batch:
         """Return windows that end with samples, (k, window, 3) each, and velocities, (k, 3)."""
-        rows = torch.from_numpy(last[:, None] + np.arange(1 - window, 1))
-        which, end = torch.from_numpy(flight), torch.from_numpy(last)
-        return *(x[which[:, None], rows] for x in self.sensed), self.v_b_mps[which, end]
+        device = self.v_b_mps.device
+        flights, end = (torch.from_numpy(x).to(device) for x in (flight, last))
+        rows = end[:, None] + torch.arange(1 - window, 1, device=device)
+        return *(x[flights[:, None], rows] for x in self.sensed), self.v_b_mps[flights, end]
+
+    def on(self, device: str) -> "Records":
+        """Return the records on a device."""
+        sensed = tuple(x.to(device) for x in self.sensed)
+        return replace(self, sensed=sensed, v_b_mps=self.v_b_mps.to(device))
 
     def every(self, step: int, window: int) -> tuple[IntArray, IntArray]:
         """Return flight and last sample of windows ``step`` apart, of one flight after another."""

@@ -9,8 +9,8 @@ from fgnav.neural.manifest import Covariance, Output
 from fgnav_models.training.contract import Release, factor_input, manifest_of
 from fgnav_models.training.learning import Count, Learning, validated
 from fgnav_models.training.order import Order
-from fgnav_models.training.recipes import scaled
-from fgnav_models.training.release import markdown_table, release
+from fgnav_models.training.recipes import said, scaled
+from fgnav_models.training.release import made_with, markdown_table, release
 from fgnav_models.training.train import train
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
@@ -59,14 +59,14 @@ def run(order: Order) -> list[str] | None:
     window = round(how.window_s * recipe.world.rate_hz)
     net = VelocityNet(window=window, gyroscope=recipe.gyroscope, width=how.width, seed=seed)
     net.to(order.device)
-    some = held.windows(*held.every(round(recipe.world.rate_hz), window), window)
+    some = held.on(order.device).windows(*held.every(round(recipe.world.rate_hz), window), window)
     trained = train(
         net,
-        Drawn(flights=learn, window=window, batch=how.batch, seed=seed),
-        lambda module, batch: negative_log_likelihood(module, _on(order.device, batch)),
+        Drawn(flights=learn.on(order.device), window=window, batch=how.batch, seed=seed),
+        negative_log_likelihood,
         how.settings(seed),
         made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: validated(negative_log_likelihood, module, _on(order.device, some)),
+        validate=lambda module: validated(negative_log_likelihood, module, some),
         deadline_s=order.deadline_s,
         watch=lambda progress: order.watch(name, progress),
     )
@@ -88,10 +88,6 @@ def calibrate(net: VelocityNet, held: Records, window: int) -> None:
     of = judged(net, held, window)
     squares = ((of.error_mps / of.sigma_mps) ** 2).mean(axis=0)
     net.log_scale += torch.from_numpy(np.log(squares) / 2).float()
-
-
-def _on(device: str, batch: tuple[torch.Tensor, ...]) -> tuple[torch.Tensor, ...]:
-    return tuple(x.to(device) for x in batch)
 
 
 def _release(
@@ -123,6 +119,8 @@ def _release(
         half_life_s=round(half_life_s, 2),
     )
     domain = how.domain(FIGURES, dict(zip(FIGURES, figures, strict=False)))
-    manifest = manifest_of(words, inputs, output, domain)
+    content = {key: value for key, value in said(recipe).items() if key != "release"}
+    origin = made_with(recipe.seed, content, metrics, order)
+    manifest = manifest_of(words, inputs, output, domain, origin)
     examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=False)]
     release(module, examples, manifest, words, metrics, order.out)

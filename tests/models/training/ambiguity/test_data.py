@@ -137,6 +137,14 @@ def test_shares_must_add_up():
         Data(epochs=1, shares=(0.5, 0.2, 0.2))
 
 
+def test_windows_end_with_their_own_row_and_stay_in_their_run():
+    rows = Rows(days(runs=2, length=4), np.array([0]), 3, "cpu")
+    seen, _, _ = rows(rows.on_device(np.array([2, 7])))
+    np.testing.assert_array_equal(seen[:, :, 0].numpy(), [[0, 1, 2], [5, 6, 7]])
+    with pytest.raises(BadInputError, match=r"window 3: reaches before its run's start, .* row 5"):
+        rows.on_device(np.array([2, 5]))
+
+
 def test_every_row_comes_once_per_pass_in_an_order_of_its_own():
     rows = Rows(days(runs=2), np.array([0]), 3, "cpu")
     of = np.arange(10, 33)

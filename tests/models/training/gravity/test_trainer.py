@@ -1,7 +1,5 @@
 """The recipe of gravity, small, through the command, whole and in slices."""
 
-import re
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +8,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.neural.network import load_network
 from fgnav_models.commands import train
-from fgnav_models.training.ambiguity.nets import Architecture
 from fgnav_models.training.gravity.data import draw
-from fgnav_models.training.gravity.paper import PaperStudy
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 
 RECIPE = (
@@ -33,19 +29,18 @@ def whole(tmp_path_factory):
 
 def test_the_recipe_leaves_a_report_with_its_baselines(whole):
     report = (whole.parent / "report.md").read_text(encoding="utf-8")
-    for words in ("paper's MLP", "paper's RNN", "unseen flights", "physical pair", "NEES"):
+    for words in ("1/regression-lstm-k3", "unseen flights", "physical pair", "NEES"):
         assert words in report
 
 
 def test_released_networks_load_and_answer_unit_vectors_with_a_covariance(whole):
-    epochs = draw(GravityWorld(velocity_age_s=0.1), 40, rng=np.random.default_rng(9))
+    epochs = draw(GravityWorld(), 40, seed=[9])
     for name, seen in (("gravity", 2), ("gravity-accelerometer", 1)):
         network = load_network(whole / f"{name}.json")
-        v_n_mps = np.repeat(epochs.v_n_mps[:, None], 3, axis=1)
-        answers = network([epochs.f_b_mps2, v_n_mps][:seen])
+        answers = network([epochs.f_b_mps2, epochs.v_n_mps][:seen])
         np.testing.assert_allclose(np.linalg.norm(answers.value, axis=1), 1.0, atol=1e-12)
         assert (np.linalg.eigvalsh(answers.covariance)[:, 0] > 0).all()
-        assert len(network.manifest.domain) == len(answers.figures) == (7 if seen == 2 else 3)
+        assert len(network.manifest.domain) == len(answers.figures) == (8 if seen == 2 else 4)
 
 
 def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, capsys):
@@ -58,36 +53,6 @@ def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, caps
     train(RECIPE, out=out, scale="smoke", resume=True)
     assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
     assert (out / "report.md").read_bytes() == (whole.parent / "report.md").read_bytes()
-
-
-def test_a_network_is_trained_on_through_the_smoother_and_compared(whole, tmp_path):
-    out = tmp_path / "out"
-    shutil.copytree(whole, out)
-    train(RECIPE, out=out, scale="smoke", resume=True, train_through="smoother")
-    report = (out / "report.md").read_text(encoding="utf-8")
-    assert re.search(
-        r"\| gravity through the smoother \| \d held-out flights \| attitude NLL \|", report
-    )
-    # What was trained alone stays as it is; what is trained on has a card of its own.
-    assert (out / "gravity.onnx").read_bytes() == (whole / "gravity.onnx").read_bytes()
-    folder = out / "gravity" / "through"
-    assert (folder / "gravity.onnx").read_bytes() != (whole / "gravity.onnx").read_bytes()
-    card = (folder / "gravity.md").read_text(encoding="utf-8")
-    assert re.search(
-        r"## Trained through the smoother\n\n\d flights that both solve, in pairs", card
-    )
-    train(RECIPE, out=out, scale="smoke", resume=True, train_through="smoother")
-    assert (out / "report.md").read_text(encoding="utf-8") == report
-
-
-def test_other_kinds_are_not_trained_through_the_smoother(tmp_path):
-    with pytest.raises(BadInputError, match=r"takes recipes of kind gravity, .* is of kind trust"):
-        train(RECIPE.with_name("trust.toml"), out=tmp_path, scale="smoke", train_through="smoother")
-
-
-def test_a_network_without_a_batch_is_refused():
-    with pytest.raises(ValueError, match="batches: must hold lstm"):
-        PaperStudy(networks={"one": Architecture(kind="lstm")})
 
 
 def test_a_recipe_with_an_unknown_key_is_refused_by_name(tmp_path):

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
+from fgnav_models.training.gravity.through import flown
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.gravity import LowDynamics
 from fgnav.methods.smoother import Batch
 from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
-from fgnav_models.training.gravity.through import flown
 from fgnav_models.training.smoother.flights import TrainingFlight, training_flight
-from fgnav_models.training.smoother.judging import Judgement, compared, judged, text
 from fgnav_models.training.smoother.loss import negative_log_likelihood
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from tests.solve.chain.linear_flight import dense, random_problem
@@ -111,26 +110,6 @@ def test_a_flight_that_cannot_be_learned_from_is_refused(flight):
     truth = dataclasses.replace(flight.truth, R_nb=turned @ flight.truth.R_nb)
     with pytest.raises(NoSolutionError, match="degrees from the truth: nothing is learned there"):
         training_flight(dataclasses.replace(flight, truth=truth), method)
-
-
-def test_networks_are_compared_on_flights_that_both_solve(flight):
-    method = Batch(gravity=LowDynamics(), noise="stated")
-    one = judged(method, [flight])
-    assert 0 < one.nees[0] < 30
-    estimate = method(flight)
-    assert one.rmse_deg[0] == pytest.approx(np.sqrt(3) * rms_deg(estimate, flight), rel=1e-6)
-    lost = judged(method, [dataclasses.replace(flight, fixes=None)])
-    assert np.isnan(lost.nll).all()
-
-    rng = np.random.default_rng(5)
-    first = Judgement(*rng.normal(size=(4, 50)))
-    better = Judgement(*(x - 1 + 0.1 * rng.normal(size=50) for x in first))
-    better.nll[0] = np.nan
-    found = compared(first, better, rng)
-    assert [one.flights for one in found] == [49, 50, 50, 50]
-    assert all(one.difference.low < -1.0 < one.difference.high < 0 for one in found)
-    assert "Better by attitude NLL and attitude energy score, deg." in text(found)
-    assert "No better than trained alone." in text(compared(better, first, rng))
 
 
 def rms_deg(estimate, flight):

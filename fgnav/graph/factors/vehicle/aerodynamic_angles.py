@@ -1,0 +1,86 @@
+"""A finned body flies nose first: sideslip and angle of attack are small, about a constant mean.
+
+``r = (atan2(u_y, u_x) - m_y, atan2(u_z, u_x) - m_z) / sigma``, ``u = R' (v_n - w)``: v_n the
+velocity of the accelerometer, w the wind, north and east, m the mean angles [1]_. It stands for the
+velocity of the body's origin: what a lever arm swings by is small beside the speed.
+
+References
+----------
+.. [1] Neural Networks for Estimating Attitude, Line of Sight, and GNSS Ambiguity Through Onboard
+   Sensor Fusion, Sensors, 2025, Eqs. 21-22: the velocity as a vector in two frames.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray
+from fgnav.geometry.rotations import skew, transpose
+from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.types.arrays import freeze
+from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.states import ROTATION, VELOCITY, States
+from fgnav.optional_gtsam import gtsam
+
+NAME = "aerodynamic angles"
+WIND = "wind"  # the constant w, north and east
+MEAN = "mean aerodynamic angles"  # the constant m, sideslip and angle of attack
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AerodynamicAngles(OfSensor):
+    """Sideslip and angle of attack that are zero to a sigma, two rows each.
+
+    Attributes
+    ----------
+    row : ndarray of int, shape (k,)
+    sigma_rad : ndarray, shape (k, 2)
+    wind_column, mean_column : int
+        First of the two constants w, and of m.
+    constants : Constants
+    """
+
+    name: ClassVar[str] = NAME  # in reports
+    sigma_rad: FloatArray
+    wind_column: int
+    mean_column: int
+    constants: Constants
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        k = len(self.row)
+        freeze(self, {"sigma_rad": (k, 2)}, {"row": (k,)})
+
+    @property
+    def freedom(self) -> IntArray:
+        """Two of each, (k,)."""
+        return np.full(len(self.row), 2, dtype=np.int64)
+
+    def linearise(self, at: States, which: IntArray) -> Linearised:
+        """Return whitened residuals of angles ``which``, (j,); see ``Measurement``."""
+        j, wind, mean = len(which), self.wind_column, self.mean_column
+        R_bn = transpose(at.R_nb)
+        air_n_mps = at.v_n_mps.copy()
+        air_n_mps[:, :2] -= at.constants[wind : wind + 2]
+        u = np.einsum("kij,kj->ki", R_bn, air_n_mps)
+        by_u = np.zeros((j, 2, 3))
+        for row, axis in enumerate((1, 2)):
+            squared = u[:, 0] ** 2 + u[:, axis] ** 2
+            by_u[:, row, 0] = -u[:, axis] / squared
+            by_u[:, row, axis] = u[:, 0] / squared
+        angles = np.arctan2(u[:, 1:], u[:, :1]) - at.constants[mean : mean + 2]
+        weight = 1.0 / self.sigma_rad[which]
+        by_u *= weight[:, :, None]
+        state, shared = np.zeros((j, 2, at.width)), np.zeros((j, 2, len(at.constants)))
+        state[:, :, ROTATION] = by_u @ skew(u)
+        state[:, :, VELOCITY] = by_u @ R_bn
+        shared[:, :, wind : wind + 2] = -state[:, :, VELOCITY][:, :, :2]
+        shared[:, :, mean : mean + 2] = -weight[:, :, None] * np.eye(2)
+        return Linearised(weight * angles, state, shared)
+
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
+        """Return angles i as a factor of keyframe ``key``."""
+        parts = parts_of(self.constants, (self.wind_column, self.mean_column))
+        return of_measurement(self, i, key, ("pose", "velocity"), parts, rows=2)

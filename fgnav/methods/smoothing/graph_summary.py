@@ -1,0 +1,30 @@
+"""What an estimate says of its factor graph: kinds of factors, answers of networks, the solver."""
+
+from collections import Counter
+
+from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.solution import Solution
+from fgnav.methods.smoothing.own_sources import OwnFactors
+from fgnav.types.estimate import GraphSummary
+
+
+def graph_summary(
+    problem: SmoothingProblem, sourced: OwnFactors, solution: Solution
+) -> GraphSummary:
+    """Return the summary of a solved problem and its custom factors."""
+    motion = "inertial" if problem.motion.aux == 6 else "gyro-free motion"
+    factors = {motion: len(problem.t_s) - 1}
+    measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
+    for one in measured:
+        factors[one.name] = factors.get(one.name, 0) + len(one.row)
+    custom = Counter(one.name for one in sourced.factors)
+    networks = {name: {"answered": custom[name]} for name in sourced.networks}
+    for name, counts in networks.items():
+        left_out = [loss for loss in sourced.losses if loss.what == f"{name} answer"]
+        counts |= {loss.reason: loss.count for loss in left_out}
+    return GraphSummary(
+        solver=solution.solver,
+        updates=solution.updates,
+        factors=factors | dict(custom),
+        networks=networks,
+    )
