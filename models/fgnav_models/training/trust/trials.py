@@ -93,7 +93,9 @@ def figures(judged: Judged) -> dict[str, float]:
     count, accepted = len(judged.trust), int(judged.accepted.sum())
     wrong = int((judged.accepted & ~judged.right).sum())
     allowed = int((judged.constrained & ~judged.constrained_right).sum())
-    order = np.argsort(-judged.trust, kind="stable")[: np.count_nonzero(judged.trust > 0.0)]
+    # sure epochs that are not accepted lack every link: they are no answers
+    trust = np.where(judged.accepted | (judged.trust < SURE), judged.trust, 0.0)
+    order = np.argsort(-trust, kind="stable")[: np.count_nonzero(trust > 0.0)]
     most = int(np.searchsorted(np.cumsum(~judged.right[order]), allowed, side="right"))
     percent = 100.0 / max(count, 1)
     return {
