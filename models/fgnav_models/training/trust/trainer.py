@@ -35,6 +35,7 @@ from fgnav_models.training.trust.trials import Judged, figures, judge, merged, t
 T = TypeVar("T")
 _CHUNK = 65_536  # rows at a time through the network
 _VALIDATION = 6  # every so many arrays, one is for validation and temperature
+_FEW = 8  # tasks: processes take longer to start
 _COLDEST = 1.0  # logarithm of a temperature
 
 
@@ -130,8 +131,9 @@ def _kept(
     folder = made_folder(order.out / name)
     paths = {task: folder / f"{task[0]}-{task[1]}.npz" for task in tasks}
     missing = [task for task in tasks if not paths[task].exists()]
-    engine = Local(max(1, min(len(missing), os.cpu_count() or 1)))
-    for _ in engine(partial(_written, work, folder, order.deadline_s), missing, _lost):
+    write = partial(_written, work, folder, order.deadline_s)
+    engine = Local(os.cpu_count() or 1)
+    for _ in engine(write, missing, _lost) if len(missing) > _FEW else map(write, missing):
         pass
     if not all(path.exists() for path in paths.values()):
         return None
