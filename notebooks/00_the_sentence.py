@@ -31,7 +31,7 @@ from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
 # %% [markdown]
-# A civil rocket with fins: eight antennas and an accelerometer, no gyroscope. A photodetector sees a
+# A civil rocket with fins: eight antennas, an accelerometer, no gyroscope. A photodetector sees a
 # beacon in the last part. For seven seconds the array is lost, for four all GNSS.
 
 # %%
@@ -54,9 +54,9 @@ for name, answers in estimate.graph.networks.items():
 # The same flight by three methods, then by the smoother without each kind of factor.
 
 # %%
-methods = [ClosedForm(resolver=network), Rtk(resolver=network), smoother]
-for kind in ("baselines", "gravity", "line-of-sight"):
-    methods.append(restricted(f"smoother without {kind}", smoother, (kind,)))
+kinds = ("baselines", "gravity", "line-of-sight")
+ablated = [restricted(f"smoother without {kind}", smoother, (kind,)) for kind in kinds]
+methods = [ClosedForm(resolver=network), Rtk(resolver=network), smoother, *ablated]
 for method in fgnav.compare(flight, methods).methods:
     score = method.score
     print(f"{method.name:30} {score.attitude_rmse_deg:7.3f} deg, {score.available:4.0%} of epochs")

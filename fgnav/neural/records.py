@@ -83,8 +83,8 @@ def _by_doppler(flight: Flight) -> dict[str, Record]:
         return {}
     if code.v_n_mps is None:
         return {}
-    known = np.isfinite(code.v_n_mps).all(axis=1)
-    return {"velocity": _record("velocity", code.t_s[known], code.v_n_mps[known])}
+    finite = np.isfinite(code.v_n_mps).all(axis=1)
+    return {"velocity": _record("velocity", code.t_s[finite], code.v_n_mps[finite])}
 
 
 def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.stream.Measurements
