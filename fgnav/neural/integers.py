@@ -19,8 +19,6 @@ class IntegerAnswers:
     # (k, t), or None; probabilities of integers to be right; exponents of no candidate to be. None
     # of the form ``none``.
     sure: FloatArray | None
-    # (k, l), or None; logits of rows of the first input to be worse than stated
-    outlier: FloatArray | None
     within: BoolArray  # (k,); whether all inputs are as in training
 
 
@@ -35,7 +33,7 @@ def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAn
     """
     manifest, lengths = network.manifest, {len(x) for x in inputs}
     for row, (one, x) in enumerate(zip(manifest.inputs, inputs, strict=True)):
-        shape = (one.window or x.shape[1], len(one.range))
+        shape = (one.window, len(one.range))
         if x.shape[1:] != shape or len(lengths) > 1:
             raise BadInputError(
                 f"{network.path}: key inputs[{row}]: {one.name!r} takes rows of shape {shape}, "
@@ -49,18 +47,15 @@ def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAn
         if not np.isfinite(part).all():
             raise BadInputError(f"{network.path}: {key}: not finite")
     value = named["output.name"]
-    sure, outlier = named.get("output.covariance.name"), named.get("output.outlier")
+    sure = named.get("output.covariance.name")
     if form != "posterior" and np.abs(value - np.round(value)).max() > _WHOLE:
         raise BadInputError(f"{network.path}: output.name: must be integers, by manifold Z")
     if form == "probability" and sure is not None and not ((sure >= 0) & (sure <= 1)).all():
         raise BadInputError(f"{network.path}: output.covariance.name: must be probabilities")
-    widths = {"output.covariance.name": value.shape[1], "output.outlier": inputs[0].shape[1]}
-    for key, width in widths.items():
-        if key in named and named[key].shape[1] != width:
-            raise BadInputError(
-                f"{network.path}: {key}: must have {width} numbers, has {named[key].shape[1]}"
-            )
+    if sure is not None and sure.shape[1] != value.shape[1]:
+        raise BadInputError(
+            f"{network.path}: output.covariance.name: must have {value.shape[1]} numbers, has "
+            f"{sure.shape[1]}"
+        )
     inside = [one.inside(x).all(axis=1) for one, x in zip(manifest.inputs, inputs, strict=True)]
-    return IntegerAnswers(
-        value=value, sure=sure, outlier=outlier, within=np.logical_and.reduce(inside)
-    )
+    return IntegerAnswers(value=value, sure=sure, within=np.logical_and.reduce(inside))

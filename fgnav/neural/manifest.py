@@ -17,7 +17,7 @@ _HEX = r"^[0-9a-f]{64}$"
 _ROUNDING = 1e-9  # of a range: figures of files are rounded
 
 Text: TypeAlias = Annotated[str, msgspec.Meta(min_length=1)]
-Window: TypeAlias = Annotated[int, msgspec.Meta(ge=0, le=100_000)]
+Window: TypeAlias = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
 Share: TypeAlias = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 
@@ -38,7 +38,7 @@ class Input(Table, frozen=True):
     rate_hz : float
         That the network was trained at; 0 of an epoch by itself.
     window : int
-        Samples; 0 of a set of any length, of an epoch.
+        Samples.
     mean, scale : tuple of float
         By channel: the network is given ``(x - mean) / scale``.
     range : tuple of (float, float)
@@ -170,9 +170,6 @@ class Output(Table, frozen=True):
         Share of the errors' variance that lasts as long as a flight, in the tangent's axes.
     over_s : float or None
         Of displacements.
-    outlier : str
-        Of integers: the graph's output, (n, window) of the first input, that has the logits of its
-        rows to be worse than their stated variance; empty where it has none.
     """
 
     name: Text
@@ -184,7 +181,6 @@ class Output(Table, frozen=True):
     half_life_s: NotNegative
     lasting: Share = 0.0
     over_s: Positive | None = None
-    outlier: str = ""
 
     def __post_init__(self) -> None:
         """Check manifold, unit and frame against what is measured."""
@@ -201,8 +197,6 @@ class Output(Table, frozen=True):
         if sigmas not in {0, 1, what.freedom} or (sigmas and not what.freedom):
             wanted = f"1 or {what.freedom} entries" if what.freedom else "none, of integers"
             raise ValueError(f"covariance.sigma: must have {wanted}, has {sigmas}")
-        if what.freedom and self.outlier:
-            raise ValueError("outlier: goes with integers, and only then")
         if not what.freedom and (self.half_life_s or self.lasting):
             raise ValueError("half_life_s: must be 0 of integers, an epoch of which is by itself")
 
@@ -280,10 +274,9 @@ class Manifest(Table, frozen=True):
     def __post_init__(self) -> None:
         """Check the file's name, and that samples in time have a rate."""
         for row, one in enumerate(self.inputs):
-            if self.output.measure.freedom and not (one.rate_hz and one.window):
-                key = "window" if one.rate_hz else "rate_hz"
+            if self.output.measure.freedom and not one.rate_hz:
                 raise ValueError(
-                    f"inputs[{row}].{key}: must be above 0 of a network that measures "
+                    f"inputs[{row}].rate_hz: must be above 0 of a network that measures "
                     f"{self.output.measures}, got 0"
                 )
         if Path(self.onnx).name != self.onnx or not self.onnx.endswith(".onnx"):
@@ -295,11 +288,7 @@ class Manifest(Table, frozen=True):
     def outputs(self) -> list[tuple[str, str]]:
         """Return key and name of each output of the graph: the answer's, then the domain's."""
         output = self.output
-        named = [
-            ("output.name", output.name),
-            ("output.covariance.name", output.covariance.name),
-            ("output.outlier", output.outlier),
-        ]
+        named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
         if output.measure.freedom:  # what a resolver computes of an epoch is none
             named += [(f"domain[{row}].name", one.name) for row, one in enumerate(self.domain)]
         return [(key, name) for key, name in named if name]

@@ -162,7 +162,7 @@ def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tu
 
 def _checked_axes(where: str, one: Input, port: Any) -> tuple[int, ...]:  # noqa: ANN401  # onnxruntime has no types
     """Return an input's axes less those of length one that the graph leaves out."""
-    shape = ("n", one.window or "any", len(one.range))
+    shape = ("n", one.window, len(one.range))
     axes = [0, 1, 2]
     for axis in (1, 2):
         if len(axes) > len(port.shape) and shape[axis] == 1:

@@ -6,32 +6,32 @@ import numpy as np
 import pytest
 
 from fgnav.integers.array.candidates import candidates
-from fgnav_models.trust_features import links_of, probabilities, trust_rows
+from fgnav_models.trust_features import FEATURES, links_of, trust_rows
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
+
+PHASE, CODE = 11, 12  # log(1 + mean square of whitened residuals)
 
 
 def rows_of(differences):
-    found = candidates(differences)
-    return found, trust_rows(differences, found)
+    listed = candidates(differences)
+    return listed, trust_rows(differences, listed)
 
 
-@pytest.mark.parametrize("satellites", [(5,), (4, 3)])
-def test_square_sum_of_whitened_residuals_is_the_cost(satellites):
-    made = make(np.random.default_rng(1), epochs=20, satellites=satellites, sine=True)
-    found, rows = rows_of(made.differences)
-    total = (rows.links[..., 0] ** 2 + rows.links[..., 2] ** 2).sum(axis=1)
-    np.testing.assert_allclose(total, found.cost, rtol=1e-4)
-
-
-def test_missing_links_leave_the_square_sum_what_it_is():
-    rng = np.random.default_rng(2)
-    missing = rng.random((20, 8, 6)) < 0.08
-    missing[:, :, 0] = missing[:, 0] = False  # the references
-    made = make(rng, epochs=20, sine=True, missing=missing)
-    found, rows = rows_of(made.differences)
-    assert (rows.is_present.sum(axis=1) == (~missing).sum(axis=(1, 2))[rows.epoch]).all()
-    total = (rows.links[..., 0] ** 2 + rows.links[..., 2] ** 2).sum(axis=1)
-    np.testing.assert_allclose(total, found.cost, rtol=1e-4)
+@pytest.mark.parametrize("antennas", [2, 8])
+@pytest.mark.parametrize("satellites", [(5,), (4, 3), (6, 6, 6, 6)])
+@pytest.mark.parametrize("missing", [0.0, 0.08])
+def test_square_sum_of_whitened_residuals_is_the_cost(satellites, antennas, missing):
+    rng = np.random.default_rng(1)
+    gone = rng.random((20, antennas, sum(satellites))) < missing
+    gone[:, :, np.cumsum((0, *satellites[:-1]))] = gone[:, 0] = False  # the references
+    array = 2.0 * PAPER_ANTENNAS_B_M[[0, 3, 1, 2, 4, 5, 6, 7]][:antennas]
+    made = make(rng, epochs=20, antennas_b_m=array, satellites=satellites, sine=True, missing=gone)
+    listed, rows = rows_of(made.differences)
+    assert rows.features.shape[1] == FEATURES
+    assert np.isfinite(rows.features).all()
+    number = links_of(made.differences).sum(axis=(1, 2))[listed.epoch]
+    mean = np.expm1(rows.features[:, [PHASE, CODE]].astype(float)).sum(axis=1)
+    np.testing.assert_allclose(number * mean, listed.cost, rtol=1e-4)
 
 
 def test_order_and_reference_of_satellites_make_no_difference():
@@ -56,9 +56,8 @@ def test_order_and_reference_of_satellites_make_no_difference():
         phase_variance_m2=ordered(d.phase_variance_m2),
     )
     (_, one), (_, two) = rows_of(d), rows_of(changed)
-    np.testing.assert_allclose(two.whole, one.whole, rtol=0, atol=1e-3)
-    sums = [rows.links.sum(axis=1) for rows in (one, two)]
-    np.testing.assert_allclose(sums[1], sums[0], rtol=0, atol=1e-2)
+    np.testing.assert_allclose(two.features, one.features, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(two.worse, one.worse[:, :, order], rtol=0, atol=1e-3)
 
 
 def test_links_of_a_reference_count_where_any_of_their_group_do():
@@ -70,15 +69,6 @@ def test_links_of_a_reference_count_where_any_of_their_group_do():
     assert links[0, 3].tolist() == [True, True, True, False, False]
 
 
-def test_probabilities_are_shares_of_exponentials():
-    score, none = np.log([3.0, 1.0, 4.0]), np.log([4.0, 99.0, 1.0])
-    epoch = np.array([0, 0, 2])
-    probability, of_none, best = probabilities(score, none, epoch, 3)
-    np.testing.assert_allclose(probability, [3 / 8, 1 / 8, 4 / 5])
-    np.testing.assert_allclose(of_none, [4 / 8, 1.0, 1 / 5])
-    assert best.tolist() == [0, -1, 2]
-
-
 def test_the_true_integers_are_likelier_by_the_mixture_where_links_are_bad():
     rng = np.random.default_rng(6)
     made = make(rng, epochs=60, antennas_b_m=PAPER_ANTENNAS_B_M[::2], code_m=1.0, satellites=(4,))
@@ -86,9 +76,9 @@ def test_the_true_integers_are_likelier_by_the_mixture_where_links_are_bad():
     bad = (rng.random(d.phase_m.shape) < 0.1) & d.resolvable
     phase_m = d.phase_m + 0.03 * bad * rng.normal(size=bad.shape)
     code_m = d.code_m + 3.0 * bad * rng.normal(size=bad.shape)
-    found, rows = rows_of(replace(d, phase_m=phase_m, code_m=code_m))
-    right = (found.cycles == made.cycles[found.epoch]).all(axis=(1, 2))
-    several = right & (np.bincount(found.epoch, minlength=60) > 1)[found.epoch]
+    listed, rows = rows_of(replace(d, phase_m=phase_m, code_m=code_m))
+    right = (listed.cycles == made.cycles[listed.epoch]).all(axis=(1, 2))
+    several = right & (np.bincount(listed.epoch, minlength=60) > 1)[listed.epoch]
     assert several.sum() > 10
-    mixture, gauss = rows.whole[several, 0], rows.whole[several, 1]
+    mixture, gauss = rows.features[several, 0], rows.features[several, 1]
     assert mixture.mean() > 0.5 * gauss.mean()

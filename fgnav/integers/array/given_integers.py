@@ -15,6 +15,9 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.array_model import spans
 from fgnav.types.differences import DoubleDifferences
 
+# Of the information on turns: two lines of position that touch leave one turn open to first order.
+_TANGENT = 1e-12
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Group:
@@ -59,6 +62,8 @@ class GivenIntegers:
                 N += normal
                 rest -= 0.5 * log_determinant
         H = N[:, :3, :3] + self.open_axis
+        size = np.trace(H, axis1=1, axis2=2)[:, None, None]
+        H += _TANGENT * size * np.eye(3)
         turn_rad = np.linalg.solve(H, N[:, :3, 3:])[..., 0]
         rest -= 0.5 * np.linalg.slogdet(H)[1]
         return N[:, 3, 3] - np.sum(N[:, :3, 3] * turn_rad, axis=1), rest

@@ -30,6 +30,7 @@ _SAMPLE = 200  # epochs, spread evenly: variance factors to 3 %
 _LINKS = 3000  # double differences in a sample are enough; larger arrays get by with fewer epochs
 _STATED_LOG_SIGMA = 1.0  # of standard deviations: a factor e beside the stated is nothing unusual
 _STATED_POWER_SIGMA = 0.5
+_FARTHEST = 6.0  # of these: epochs without redundancy fit exactly, and ask for no noise at all
 _ROUGHNESS = 20.0  # degrees of freedom of an epoch's own scale; 17 to 25 fitted two real receivers
 _CALM = (np.log(0.25), 0.0) * 2  # the first law: half the stated standard deviations
 _ROUNDS = 8  # two or three do
@@ -162,7 +163,8 @@ def _most_likely(sample: _Sample, likelihood: Likelihood, start: FloatArray) -> 
 
     options = {"maxfun": _TRIALS, "ftol": _EXACT}
     with one_thread():
-        search = minimize(misfit, start[free], method="L-BFGS-B", options=options)
+        bounds = np.stack([-_FARTHEST * sigma, _FARTHEST * sigma], axis=1)
+        search = minimize(misfit, start[free], method="L-BFGS-B", bounds=bounds, options=options)
     return _whole(search.x, free)
 
 

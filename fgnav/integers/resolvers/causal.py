@@ -1,7 +1,7 @@
 """Resolvers that use the past only: what a filter may ask at the time of an epoch."""
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 
 import numpy as np
 
@@ -68,19 +68,19 @@ def looks_ahead(resolver: Resolver) -> bool:
 def causal_form(resolver: Resolver) -> Resolver:
     """Return a resolver that resolves each epoch by epochs up to it alone.
 
-    One that looks at single epochs is its own causal form. ``Constrained`` learns the noise from
-    epochs before, and keeps the share of wrong epochs as if the flight ended with each. ``Arcs`` do
-    without smoothed code, and carry the integers of the surest epoch so far.
+    One that looks at single epochs is its own causal form. One with a field ``causal``, such as
+    ``Constrained``, learns the noise from epochs before, and keeps the share of wrong epochs as if
+    the flight ended with each. ``Arcs`` do without smoothed code, and carry the integers of the
+    surest epoch so far.
 
     Any other that may look ahead is asked epoch by epoch.
     """
-    from fgnav.integers.arcs.resolver import Arcs  # noqa: PLC0415  # each brings its own kernels
-    from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
+    from fgnav.integers.arcs.resolver import Arcs  # noqa: PLC0415  # brings its own kernels
 
     if not looks_ahead(resolver):
         return resolver
-    if isinstance(resolver, Constrained):
-        return replace(resolver, causal=True)
     if isinstance(resolver, Arcs):
         return resolver.causal_form(causal_form(resolver.inner))
+    if is_dataclass(resolver) and hasattr(resolver, "causal"):
+        return replace(resolver, causal=True)
     return EpochByEpoch(resolver)

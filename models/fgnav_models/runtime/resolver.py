@@ -1,18 +1,20 @@
 """``--integers network``: the constrained search proposes, a network says how sure it is."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
 from fgnav.integers.array.candidates import Candidates, candidates
+from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
 from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
-from fgnav.neural.manifest import Statistic
+from fgnav.neural.manifest import Manifest, Statistic
 from fgnav.neural.measures import Sensor
 from fgnav.neural.network import Network as Contracted
 from fgnav.types.differences import DoubleDifferences
@@ -20,19 +22,14 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 from fgnav_models.runtime.load import for_resolver
 from fgnav_models.trust_features import (
-    LINK_FEATURES,
-    WHOLE_FEATURES,
+    FEATURES,
+    OUTLIER,
     links_of,
-    probabilities,
     trust_rows,
 )
 
 # Of each candidate of a search, ``fgnav_models.trust_features.trust_rows``.
-GIVEN = {
-    "residuals of links": Sensor("1", "none", LINK_FEATURES),
-    "links that are there": Sensor("1", "none", 1),
-    "candidate": Sensor("1", "none", WHOLE_FEATURES),
-}
+GIVEN = {"candidate": Sensor("1", "none", FEATURES)}
 FIGURES = (
     "antennas",
     "satellites",
@@ -41,19 +38,17 @@ FIGURES = (
     "code_sigma_m",
     "sigma_ratio",
     "baseline_m",
-    "misfit",
 )
-_ENOUGH = 30  # epochs whose median residual tells how well the noise is stated
+_HANDED_OVER = "epoch's trust"
 
 
 class Trust(NamedTuple):
     """What the network makes of some epochs."""
 
     cycles: IntArray  # (n, b, m): of the likeliest candidate
-    wrong_probability: FloatArray  # (n,)
+    wrong_probability: FloatArray  # (n,): of any integer that no worse link takes part in
     ratio: FloatArray  # (n,): second-least over least cost
-    outlier: FloatArray  # (n, b + 1, m): probability of a link to be worse than stated
-    misfit: FloatArray  # (n,): least cost per degree of freedom
+    bad: BoolArray  # (n, b, m): differences that a link worse than stated takes part in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,25 +56,29 @@ class Network:
     """Integers of the constrained search, accepted by a network's calibrated probability.
 
     Epochs outside what the network was trained on go to ``fallback``, and a loss says how many.
+    Noise is estimated, and the search limited, as ``fallback`` has it.
     """
 
     # largest probability that an accepted epoch's integers are not all right
     wrong_max: float = 1e-3
-    outlier_max: float = 0.95  # a link more likely than this to be worse than stated is not fixed
-    nodes: int = 10**6  # what the search of an epoch may visit
     model: str = "trust"  # a released network, or the path of a manifest
     fallback: Constrained = field(default_factory=Constrained)
+    causal: bool = False  # each epoch by epochs up to it alone, as ``fallback`` then is
 
     def __post_init__(self) -> None:
-        """Reject thresholds that are no probabilities."""
-        for name, value in {"wrong_max": self.wrong_max, "outlier_max": self.outlier_max}.items():
-            if not 0.0 < value < 1.0:
-                raise BadInputError(f"{name}: must be between 0 and 1, got {value}")
+        """Reject what is no probability."""
+        if not 0.0 < self.wrong_max < 1.0:
+            raise BadInputError(f"wrong_max: must be between 0 and 1, got {self.wrong_max}")
 
     @property
     def name(self) -> str:
         """Return the name the command line knows."""
         return "network"
+
+    @property
+    def looks_ahead(self) -> bool:
+        """Return whether noise, or what is accepted outside the domain, is of the whole flight."""
+        return not self.causal
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every epoch that has code and phase.
@@ -90,29 +89,27 @@ class Network:
             If onnxruntime is missing or the network's file is not the released one.
         """
         network = _loaded(self.model)
+        if self.fallback.estimate_noise:
+            estimated = with_noise_so_far if self.causal else with_estimated_noise
+            differences = estimated(differences, self.fallback.nodes)
         outside = outside_domain(differences, network.manifest.domain)
-        out = np.array([bool(text) for text in outside])
+        out = np.array([bool(text) for text in outside], dtype=np.bool_)
         if out.all():
-            return self._beyond(differences, flight, np.arange(len(out)), outside)
+            return self._beyond(differences, flight, outside)
+        if not out.any():
+            return self._accepted(differences, network)
         inside, at = np.flatnonzero(~out), np.flatnonzero(out)
-        some = differences.resampled(inside) if len(at) else differences
-        trust = trusted(some, network, nodes=self.nodes)
-        misfit = next(one for one in network.manifest.domain if one.name == "misfit")
-        median = np.asarray(np.median(trust.misfit))
-        if len(inside) >= _ENOUGH and not misfit.holds(median):
-            outside = (f"median {misfit.beyond}, {median:.2g}",) * len(out)
-            return self._beyond(differences, flight, np.arange(len(out)), outside)
-        own = self._accepted(some, trust)
-        if not len(at):
-            return own
-        other = self._beyond(differences.resampled(at), flight, at, outside)
-        return _merged(len(out), (inside, own), (at, other), self.name)
+        accepted = self._accepted(differences.resampled(inside), network)
+        texts = tuple(outside[k] for k in at)
+        others = self._beyond(differences.resampled(at), flight, texts)
+        return _merged((inside, accepted), (at, others))
 
-    def _accepted(self, differences: DoubleDifferences, trust: Trust) -> Integers:
+    def _accepted(self, differences: DoubleDifferences, network: Contracted) -> Integers:
+        trust = trusted(differences, network, nodes=self.fallback.nodes)
         links = differences.resolvable
         is_present = links.any(axis=(1, 2))
         sure = is_present & (trust.wrong_probability <= self.wrong_max)
-        bad = touched(differences, np.arange(len(sure)), trust.outlier > self.outlier_max) & links
+        bad = trust.bad & links
         doubt = f"probability of wrong integers above {self.wrong_max:g} by the network"
         worse = "part of a link that the network takes for worse than stated"
         fixed = links & sure[:, None, None] & ~bad
@@ -135,32 +132,35 @@ class Network:
         )
 
     def _beyond(
-        self,
-        differences: DoubleDifferences,
-        flight: Flight,
-        at: IntArray,
-        outside: tuple[str, ...],
+        self, differences: DoubleDifferences, flight: Flight, outside: tuple[str, ...]
     ) -> Integers:
         """Return what the fallback makes of epochs outside the domain, and say so."""
-        found = self.fallback(differences, flight)
-        texts, counts = np.unique([outside[k] for k in at], return_counts=True)
+        fallback = replace(self.fallback, estimate_noise=False, causal=self.causal)
+        integers = fallback(differences, flight)
         losses = [
             Loss(
-                what="epoch's trust",
-                reason=f"{text}, the network's training domain: left to {self.fallback.name}",
-                count=int(count),
+                what=_HANDED_OVER,
+                reason=f"{text}, the network's training domain: left to {fallback.name}",
+                count=outside.count(text),
             )
-            for text, count in zip(texts, counts, strict=True)
+            for text in sorted(set(outside))
         ]
-        return Integers(
-            resolver=self.name,
-            cycles=found.cycles,
-            fixed=found.fixed,
-            ratio=found.ratio,
-            wrong_probability=found.wrong_probability,
-            reasons=found.reasons,
-            losses=(*losses, *found.losses),
-        )
+        return replace(integers, resolver=self.name, losses=(*losses, *integers.losses))
+
+
+def handed_over(integers: Integers) -> Mapping[str, int]:
+    """Return how many epochs were outside the network's domain, by reason."""
+    return {loss.reason: loss.count for loss in integers.losses if loss.what == _HANDED_OVER}
+
+
+def risk_holds(manifest: Manifest) -> bool:
+    """Return True if the network's measured share of wrong epochs is not above ``constrained``'s.
+
+    Both are of epochs that the network was not trained on; nothing is run.
+    """
+    metrics = manifest.origin.metrics if manifest.origin else {}
+    ours, theirs = metrics.get("wrong_percent"), metrics.get("constrained_wrong_percent")
+    return ours is not None and theirs is not None and ours <= theirs
 
 
 def outside_domain(
@@ -175,6 +175,8 @@ def outside_domain(
     """
     links = links_of(differences)
     antennas, used = np.asarray(links.any(axis=2)), np.asarray(links.any(axis=1))
+    names = np.array(differences.satellites)
+    satellites = sum(used[:, names == name].any(axis=1).astype(int) for name in np.unique(names))
     groups = differences.group == np.arange(differences.reference.shape[1])[:, None]
     length_m = np.linalg.norm(differences.baselines_b_m, axis=1)
     is_present = links.any(axis=(1, 2))
@@ -183,22 +185,24 @@ def outside_domain(
     texts = np.full(len(links), "", dtype=object)
     counted = {
         "antennas": (antennas.sum(axis=1),) * 2,
-        "satellites": (used.sum(axis=1),) * 2,
+        "satellites": (np.asarray(satellites),) * 2,
         "groups": ((used[:, None] & groups).any(axis=2).sum(axis=1),) * 2,
         "phase_sigma_m": (phase_m[0],) * 2,
         "code_sigma_m": (code_m[0],) * 2,
         "sigma_ratio": (np.ones(len(links)), np.maximum(*(v[1] / v[0] for v in (phase_m, code_m)))),
         "baseline_m": _range(np.broadcast_to(length_m, antennas[:, 1:].shape), antennas[:, 1:]),
     }
-    for one in domain:
-        if one.name in counted:
-            least, most = counted[one.name]
-            texts[is_present & ~(one.holds(least) & one.holds(most)) & (texts == "")] = one.beyond
+    for figure in domain:
+        least, most = counted[figure.name]
+        beyond = is_present & ~(figure.holds(least) & figure.holds(most))
+        texts[beyond & (texts == "")] = figure.beyond
     return tuple(texts.tolist())
 
 
 def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) -> Trust:
     """Return the likeliest integers of each epoch, and how likely they are wrong.
+
+    Candidates that differ only where a worse link takes part share their probability.
 
     Parameters
     ----------
@@ -209,43 +213,58 @@ def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) 
         What the search of an epoch may visit.
     """
     n, b, m = differences.phase_m.shape
-    found = candidates(differences, nodes=nodes)
-    rows = trust_rows(differences, found)
+    listed = candidates(differences, nodes=nodes)
     wrong, cycles = np.ones(n), np.zeros((n, b, m), dtype=np.int64)
-    outlier = np.zeros((n, (b + 1) * m))
-    ratio, misfit = _costs(differences, found)
-    if not len(found.epoch):
-        return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
-    answers = integer_answers(
-        network, [rows.links, rows.is_present[:, :, None], rows.whole[:, None]]
-    )
-    if answers.sure is None or answers.outlier is None:
-        raise BadInputError(
-            f"{network.path}: key output.outlier: is missing; name the graph's output that says "
-            "which links are worse than stated"
-        )
-    probability, _, best = probabilities(answers.value[:, 0], answers.sure[:, 0], found.epoch, n)
+    worse, ratio = np.zeros((n, b + 1, m), dtype=np.bool_), _ratio(n, listed)
+    if not len(listed.epoch):
+        return Trust(cycles, wrong, ratio, np.zeros((n, b, m), dtype=np.bool_))
+    rows = trust_rows(differences, listed)
+    answers = integer_answers(network, [rows.features[:, None]])
+    assert answers.sure is not None  # noqa: S101  # of the form ``posterior``
+    probability, _, best = posteriors(answers.value[:, 0], answers.sure[:, 0], listed.epoch, n)
     some = np.flatnonzero(best >= 0)
     top = best[some]
-    wrong[some] = np.where(answers.within[top], np.clip(1.0 - probability[top], 0.0, 1.0), 1.0)
-    cycles[some] = found.cycles[top]
-    slot = rows.slot[some]
-    at, place = np.nonzero(slot >= 0)
-    outlier[some[at], slot[at, place]] = 1.0 / (1.0 + np.exp(-answers.outlier[top][at, place]))
-    return Trust(cycles, wrong, ratio, outlier.reshape(n, b + 1, m), misfit)
+    cycles[some] = listed.cycles[top]
+    worse[some] = rows.worse[top] > OUTLIER
+    bad = touched(differences, np.arange(n), worse)
+    agrees = ((listed.cycles == cycles[listed.epoch]) | bad[listed.epoch]).all(axis=(1, 2))
+    right = np.bincount(listed.epoch, probability * agrees, n)
+    wrong[some] = np.where(answers.within[top], np.clip(1.0 - right[some], 0.0, 1.0), 1.0)
+    return Trust(cycles, wrong, ratio, bad)
 
 
-def _costs(differences: DoubleDifferences, found: Candidates) -> tuple[FloatArray, FloatArray]:
-    """Return second-least over least cost, and least cost per degree of freedom, (n,)."""
-    n = len(differences.t_s)
-    degrees = np.maximum(2 * differences.resolvable.sum(axis=(1, 2)) - 3, 1)
-    first = np.searchsorted(found.epoch, np.arange(n + 1))
-    number = np.diff(first)
-    ratio, misfit = np.full(n, np.nan), np.ones(n)
-    some, two = np.flatnonzero(number > 0), np.flatnonzero(number > 1)
-    misfit[some] = found.cost[first[some]] / degrees[some]
-    ratio[two] = found.cost[first[two] + 1] / np.maximum(found.cost[first[two]], 1e-30)
-    return ratio, misfit
+def posteriors(
+    score: FloatArray, none: FloatArray, epoch: IntArray, epochs: int
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return posteriors of candidates, (c,), of none of them, (n,), and the best rows, (n,).
+
+    Parameters
+    ----------
+    score, none : ndarray, shape (c,)
+        The network's; of ``none`` the first row of each epoch counts.
+    epoch : ndarray of int, shape (c,)
+        Rising.
+    epochs : int
+        Those without a row have none for certain, and best row -1.
+    """
+    some, first = np.unique(epoch, return_index=True)
+    of_none, largest = np.ones(epochs), np.zeros(epochs)
+    largest[some] = np.maximum(np.maximum.reduceat(score, first), none[first])
+    weight = np.exp(score - largest[epoch])
+    of_none[some] = np.exp(none[first] - largest[some])
+    total = of_none + np.bincount(epoch, weight, epochs)
+    best = np.full(epochs, -1)
+    order = np.lexsort((score, epoch))
+    best[some] = order[np.append(first[1:], len(order)) - 1]
+    return weight / total[epoch], of_none / total, best
+
+
+def _ratio(n: int, listed: Candidates) -> FloatArray:
+    """Return second-least over least cost, (n,)."""
+    first = np.searchsorted(listed.epoch, np.arange(n + 1))
+    ratio, two = np.full(n, np.nan), np.flatnonzero(np.diff(first) > 1)
+    ratio[two] = listed.cost[first[two] + 1] / np.maximum(listed.cost[first[two]], 1e-30)
+    return ratio
 
 
 def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatArray]:
@@ -256,28 +275,21 @@ def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatA
     return np.where(some, least, 1.0), np.where(some, most, 1.0)
 
 
-def _merged(
-    n: int, one: tuple[IntArray, Integers], other: tuple[IntArray, Integers], name: str
-) -> Integers:
+def _merged(first: tuple[IntArray, Integers], second: tuple[IntArray, Integers]) -> Integers:
     """Return the integers of two sets of epochs as those of all."""
-    b, m = one[1].cycles.shape[1:]
-    cycles, fixed = np.zeros((n, b, m), dtype=np.int64), np.zeros((n, b, m), dtype=np.bool_)
-    ratio, wrong = np.full((n, b), np.nan), np.ones(n)
-    reasons = np.full(n, "", dtype=object)
-    for at, part in (one, other):
-        cycles[at], fixed[at], ratio[at] = part.cycles, part.fixed, part.ratio
-        if part.wrong_probability is not None:
-            wrong[at] = part.wrong_probability
-        if part.reasons is not None:
-            reasons[at] = part.reasons
+    order = np.argsort(np.concatenate([first[0], second[0]]))
+
+    def joined(key: str) -> Any:  # noqa: ANN401  # as that key's array
+        return np.concatenate([getattr(part, key) for _, part in (first, second)])[order]
+
     return Integers(
-        resolver=name,
-        cycles=cycles,
-        fixed=fixed,
-        ratio=ratio,
-        wrong_probability=wrong,
-        reasons=tuple(reasons.tolist()),
-        losses=(*one[1].losses, *other[1].losses),
+        resolver=first[1].resolver,
+        cycles=joined("cycles"),
+        fixed=joined("fixed"),
+        ratio=joined("ratio"),
+        wrong_probability=joined("wrong_probability"),
+        reasons=tuple(joined("reasons").tolist()),
+        losses=(*first[1].losses, *second[1].losses),
     )
 
 

@@ -31,7 +31,7 @@ def epoch_input(name: str, sensor: str, known: Sensor, window: int) -> Input:
     return _input(name, sensor, known, 0.0, window, 1.0)
 
 
-def integers_output(name: str, form: Covariance, outlier: str = "") -> Output:
+def integers_output(name: str, form: Covariance) -> Output:
     """Return the output of a network of integers."""
     return Output(
         name=name,
@@ -41,7 +41,6 @@ def integers_output(name: str, form: Covariance, outlier: str = "") -> Output:
         frame="none",
         covariance=form,
         half_life_s=0.0,
-        outlier=outlier,
     )
 
 

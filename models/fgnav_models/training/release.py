@@ -89,7 +89,7 @@ def card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> st
         (
             "in",
             f"`{one.name}`",
-            f"{one.window or 'any'} × {len(one.range)}",
+            f"{one.window} × {len(one.range)}",
             one.unit,
             f"{one.sensor}, frame {one.frame}" + (f", {one.rate_hz:g} Hz" if one.rate_hz else ""),
         )
@@ -98,8 +98,6 @@ def card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> st
     ports.append(("out", f"`{output.name}`", output.manifold, output.unit, output.measures))
     if output.covariance.name:
         ports.append(("out", f"`{output.covariance.name}`", "", "", output.covariance.form))
-    if output.outlier:
-        ports.append(("out", f"`{output.outlier}`", "", "", "logit of a row to be an outlier"))
     domain = [f"{_words(key)}: {_plain(value)}" for key, value in words.domain.items()]
     domain += [
         f"{_words(one.name)}: {one.range[0]:g} to {one.range[1]:g} {one.unit}".removesuffix(" 1")
@@ -230,14 +228,9 @@ def _round_to_half(module: torch.nn.Module) -> None:
 def _exported(
     module: torch.nn.Module, given: tuple[torch.Tensor, ...], manifest: Manifest
 ) -> bytes:
-    """Return the ONNX file of a module, the number of rows and of any set left open."""
+    """Return the ONNX file of a module, the number of rows left open."""
     inputs, outputs = [one.name for one in manifest.inputs], [n for _, n in manifest.outputs()]
-    axes: dict[str, dict[int, str]] = {name: {0: "n"} for name in (*inputs, *outputs)}
-    for one in manifest.inputs:
-        if not one.window:
-            axes[one.name][1] = "l"
-    if manifest.output.outlier:
-        axes[manifest.output.outlier][1] = "l"
+    axes = {name: {0: "n"} for name in (*inputs, *outputs)}
     buffer = BytesIO()
     with warnings.catch_warnings():
         # The tracer is on its way out of torch; its successor wants one more package.
@@ -302,8 +295,7 @@ def _check_agreement(module: torch.nn.Module, given: tuple[torch.Tensor, ...], p
         answers = (answer,) if isinstance(answer, torch.Tensor) else answer
         theirs = [x.double().numpy().reshape(len(x), -1) for x in answers[: len(names)]]
         shown = [
-            x.numpy().reshape(len(x), one.window or x.shape[1], len(one.range)) * one.scale
-            + one.mean
+            x.numpy().reshape(len(x), one.window, len(one.range)) * one.scale + one.mean
             for one, x in zip(manifest.inputs, some, strict=True)
         ]
         ours = network.run(shown)[: len(names)]

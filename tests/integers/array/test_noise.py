@@ -48,6 +48,12 @@ def test_noise_is_not_calmed_by_wrong_integers_that_fit():
     assert phase == pytest.approx(1.0, abs=0.25)
 
 
+def test_attitudes_where_two_lines_of_position_touch_are_no_error():
+    made = make(np.random.default_rng(1), epochs=150, satellites=(2, 2), antennas_b_m=PAIR_B_M / 3)
+    estimated = with_estimated_noise(made.differences, 10**6)
+    assert np.isfinite(estimated.phase_variance_m2).all()
+
+
 def test_few_epochs_are_taken_as_stated():
     made = make(np.random.default_rng(8), epochs=29)
     assert with_estimated_noise(made.differences, 10**6) is made.differences

@@ -1,18 +1,49 @@
 """Epochs for the trust network: drawn from many worlds, searched, and told right from wrong."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
-import msgspec
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.candidates import candidates
-from fgnav_models.trust_features import SATELLITES, TrustRows, links_of, trust_rows
+from fgnav.integers.snooping import touched
+from fgnav.io.strict_toml import Positive, Table, Vector
+from fgnav.types.differences import DoubleDifferences
+from fgnav_models.trust_features import OUTLIER, trust_rows
 from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets.epochs import array_epochs
-from fgnav_sim.data_sets.world import GivenArray, OutliersTable, RandomArray, World
+from fgnav_sim.data_sets.world import (
+    AnySites,
+    AnyTimes,
+    GivenArray,
+    NoiseTable,
+    OutliersTable,
+    SatellitesTable,
+    World,
+)
+from fgnav_sim.gnss.tables import MultipathTable, ReflectorTable
 
-NONE = -1  # truth of an epoch whose true integers were not found
+_CLEAN = 0.25  # share of worlds without links worse than stated, and of those with multipath
+
+
+class Draw(Table, frozen=True):
+    """Worlds of one array each: ranges are drawn from, by logarithm but for ``outliers``."""
+
+    # arrays, epochs: how many are drawn, and epochs of each
+    arrays: int
+    epochs: int
+    # constellations and signals, one of them for each world
+    signals: tuple[dict[str, tuple[str, ...]], ...]
+    satellites: tuple[int, int] = (4, 24)  # of all constellations together, two of each at least
+    antennas: tuple[int, int] = (2, 8)
+    box_m: Vector = (2.0, 1.2, 0.4)  # edges, each shortened by a factor of its own
+    scale: tuple[Positive, Positive] = (0.3, 2.0)  # of all edges
+    code_m: tuple[Positive, Positive] = (0.05, 2.0)
+    phase_m: tuple[Positive, Positive] = (0.001, 0.003)
+    outliers: tuple[float, float] = (0.0, 0.2)  # share of links worse than stated
+    worse: tuple[Positive, Positive] = (0.5, 1.5)  # by so many times 1.5 m and 15 mm
+    stated: tuple[Positive, Positive] = (0.8, 1.25)  # stated over true standard deviation
+    reflectors: tuple[ReflectorTable, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -20,134 +51,93 @@ class TrustSamples:
     """Rows of the network for epochs whose truth is known."""
 
     start: IntArray  # (n + 1,); first row of each epoch, and the number of all
-    # (n,); the true candidate, counted within its epoch; ``NONE`` where it is not among them
-    truth: IntArray
-    # links, is_present, whole: as in ``TrustRows``
-    links: FloatArray
-    is_present: FloatArray
-    whole: FloatArray
-    outlier: FloatArray  # (c, l); links worse than stated
-    # cost, degrees: (n,); least cost of an epoch, and its degrees of freedom
-    cost: FloatArray
-    degrees: IntArray
+    right: BoolArray  # (c,); integers of the differences that no worse link takes part in
+    features: FloatArray  # (c, f)
 
     def __len__(self) -> int:
         """Return the number of epochs."""
-        return len(self.truth)
-
-    @property
-    def satellites(self) -> IntArray:
-        """How many an epoch has, (n,); 0 where it has no candidate."""
-        out = np.zeros(len(self), dtype=np.int64)
-        some = np.diff(self.start) > 0
-        out[some] = np.rint(8.0 * self.whole[self.start[:-1][some], SATELLITES])
-        return out
-
-    def chosen(self, epochs: BoolArray) -> "TrustSamples":
-        """Return some of the epochs, (n,)."""
-        number = np.diff(self.start)
-        rows = np.repeat(epochs, number)
-        return TrustSamples(
-            start=np.append(0, np.cumsum(number[epochs])),
-            truth=self.truth[epochs],
-            links=self.links[rows],
-            is_present=self.is_present[rows],
-            whole=self.whole[rows],
-            outlier=self.outlier[rows],
-            cost=self.cost[epochs],
-            degrees=self.degrees[epochs],
-        )
+        return len(self.start) - 1
 
 
-def samples_of(
-    world: World, rng: np.random.Generator, count: int, *, nodes: int, stated: float = 1.0
-) -> TrustSamples:
-    """Return epochs of a world with one array, their candidates and their truth.
+def drawn_epochs(draw: Draw, rng: np.random.Generator) -> tuple[DoubleDifferences, IntArray]:
+    """Return epochs of one array as a receiver states them, and their true integers."""
+    epochs = array_epochs(drawn_world(draw, rng), rng, draw.epochs)
+    differences = double_differences_of(epochs)
+    stated = _between(draw.stated, rng) ** 2
+    differences = replace(
+        differences,
+        code_variance_m2=differences.code_variance_m2 * stated,
+        phase_variance_m2=differences.phase_variance_m2 * stated,
+    )
+    return differences, true_cycles(epochs, differences)
+
+
+def drawn_world(draw: Draw, rng: np.random.Generator) -> World:
+    """Return a world of one array: antennas at the middle, at a corner and anywhere in a box."""
+    signals = draw.signals[rng.integers(len(draw.signals))]
+    total = _count(draw.satellites, rng)
+    edges_m = _between(draw.scale, rng) * np.array(draw.box_m) * rng.uniform(0.5, 1.0, 3)
+    antennas_b_m = edges_m * rng.uniform(-0.5, 0.5, (_count(draw.antennas, rng), 3))
+    antennas_b_m[0] = 0.0
+    antennas_b_m[1] = 0.5 * edges_m
+    code_m, phase_m = _between(draw.code_m, rng), _between(draw.phase_m, rng)
+    worse, share = _between(draw.worse, rng), float(rng.uniform(*draw.outliers))
+    clean, echoes = rng.random(2) < _CLEAN
+    return World(
+        sites=AnySites(),
+        times=AnyTimes(),
+        satellites=SatellitesTable(
+            signals=signals, choose=max(2, total // len(signals)), pick="random", mask_deg=10.0
+        ),
+        array=GivenArray(antennas_b_m=tuple(map(tuple, antennas_b_m.tolist()))),
+        noise=NoiseTable(code_m=code_m, phase_m=phase_m, elevation_weights="sine"),
+        outliers=OutliersTable(share=share, code_m=1.5 * worse, phase_m=0.015 * worse)
+        if share > 0.0 and not clean
+        else None,
+        multipath=MultipathTable(code_m=code_m, phase_m=0.5 * phase_m, time_constant_s=60.0)
+        if echoes
+        else None,
+        reflectors=draw.reflectors,
+    )
+
+
+def samples_of(draw: Draw, rng: np.random.Generator, *, nodes: int) -> TrustSamples:
+    """Return epochs of one array, their candidates and their truth.
 
     Parameters
     ----------
-    world : World
-        With a given array.
     nodes : int
         What the search of an epoch may visit.
-    stated : float
-        Stated over true standard deviation of noise.
     """
-    drawn = array_epochs(world, rng, count)
-    differences = double_differences_of(drawn)
-    differences = replace(
-        differences,
-        code_variance_m2=differences.code_variance_m2 * stated**2,
-        phase_variance_m2=differences.phase_variance_m2 * stated**2,
-    )
-    found = candidates(differences, nodes=nodes)
-    rows = trust_rows(differences, found)
-    true = true_cycles(drawn, differences)
-    start = np.searchsorted(found.epoch, np.arange(count + 1))
-    right = np.flatnonzero((found.cycles == true[found.epoch]).all(axis=(1, 2)))
-    truth = np.full(count, NONE)
-    truth[found.epoch[right]] = right - start[found.epoch[right]]
-    some = np.diff(start) > 0
-    least = np.full(count, np.nan)
-    least[some] = found.cost[start[:-1][some]]
+    differences, true = drawn_epochs(draw, rng)
+    listed = candidates(differences, nodes=nodes)
+    rows = trust_rows(differences, listed)
+    bad = touched(differences, listed.epoch, rows.worse > OUTLIER)
+    kept = differences.resolvable[listed.epoch] & ~bad
+    right = (~kept | (listed.cycles == true[listed.epoch])).all(axis=(1, 2))
     return TrustSamples(
-        start=start,
-        truth=truth,
-        links=rows.links,
-        is_present=rows.is_present,
-        whole=rows.whole,
-        outlier=_outliers(drawn.outlier & links_of(differences), rows),
-        cost=least,
-        degrees=2 * differences.resolvable.sum(axis=(1, 2)) - 3,
+        start=np.searchsorted(listed.epoch, np.arange(draw.epochs + 1)),
+        right=np.asarray(right),
+        features=rows.features,
     )
-
-
-def _outliers(outlier: BoolArray, rows: TrustRows) -> FloatArray:
-    flat = outlier.reshape(len(outlier), -1)
-    own = np.take_along_axis(flat, rows.slot.clip(0), axis=1) & (rows.slot >= 0)
-    return np.asarray(own[rows.epoch], dtype=np.float32)
 
 
 def joined(parts: list[TrustSamples]) -> TrustSamples:
-    """Return several sets as one, links padded to the longest."""
-    length = max(part.is_present.shape[1] for part in parts)
+    """Return several sets as one."""
     rows = np.cumsum([0, *(part.start[-1] for part in parts)])
     starts = [part.start[:-1] + first for part, first in zip(parts, rows[:-1], strict=True)]
-    out = {"start": np.append(np.concatenate(starts), rows[-1])}
-    for field in fields(TrustSamples):
-        name = field.name
-        if name == "start":
-            continue
-        values = [getattr(part, name) for part in parts]
-        if name in ("links", "is_present", "outlier"):
-            values = [_padded(value, length) for value in values]
-        out[name] = np.concatenate(values)
-    return TrustSamples(**out)
-
-
-def _padded(value: FloatArray, length: int) -> FloatArray:
-    width = [(0, 0), (0, length - value.shape[1]), *[(0, 0)] * (value.ndim - 2)]
-    return np.pad(value, width)
-
-
-def random_world(
-    world: World, array: RandomArray, outliers: tuple[float, float], rng: np.random.Generator
-) -> World:
-    """Return a world with one array drawn, as ``RandomArray`` says, and its own share of outliers.
-
-    Parameters
-    ----------
-    array : RandomArray
-    outliers : tuple of float
-        Range of the share of links worse than stated; a quarter of worlds have none.
-    """
-    number = int(rng.integers(*array.antennas, endpoint=True))
-    box = rng.uniform(*array.scale) * np.array(array.box_m)
-    antennas_b_m = box * rng.uniform(-0.5, 0.5, (number, 3))
-    antennas_b_m[0] = 0.0
-    share = float(rng.uniform(*outliers)) if rng.random() > 0.25 else 0.0
-    return msgspec.structs.replace(
-        world,
-        array=GivenArray(antennas_b_m=tuple(map(tuple, antennas_b_m.tolist()))),
-        outliers=OutliersTable(share=share) if share > 0.0 else None,
+    return TrustSamples(
+        start=np.append(np.concatenate(starts), rows[-1]),
+        right=np.concatenate([part.right for part in parts]),
+        features=np.concatenate([part.features for part in parts]),
     )
+
+
+def _between(span: tuple[float, float], rng: np.random.Generator) -> float:
+    """Return a figure whose logarithm is uniform over a range."""
+    return float(np.exp(rng.uniform(*np.log(span))))
+
+
+def _count(span: tuple[int, int], rng: np.random.Generator) -> int:
+    """Return a number from a range, both ends included; the smaller, the likelier."""
+    return int(_between((span[0], span[1] + 1), rng))

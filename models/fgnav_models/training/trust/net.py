@@ -3,18 +3,16 @@
 import torch
 from torch import nn
 
-from fgnav_models.trust_features import LINK_FEATURES, WHOLE_FEATURES
+from fgnav_models.trust_features import FEATURES, POSTERIOR
 
-_POOL = 1.0 / 16.0  # brings a sum over links to the size of one
-_OUTLIER_SHARE = 0.3  # of the loss of links in that of an epoch
-_LEAST = 1e-6  # probability of a link to be worse, or to be as stated
+_LEAST = 1e-30  # share of a weight that is lost in rounding
+_NONE = -9.0  # exponent of no candidate to be right, before anything is learned
 
 
 class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
-    """A deep set: links embedded alike, pooled by sum and maximum, then judged with the whole.
+    """One judge for all candidates; the mixture's log posterior is added as it is.
 
-    What ``fgnav_models.trust_fit`` makes of candidates and links is added as it is: with all else
-    at zero it is the answer.
+    With the last layer at zero that is the answer.
     """
 
     def __init__(self, width: int, *, seed: int) -> None:
@@ -22,71 +20,39 @@ class TrustNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         generator = torch.random.fork_rng(devices=[])
         with generator:
             torch.manual_seed(seed)
-            self.embed = nn.Sequential(
-                nn.Linear(LINK_FEATURES, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU()
-            )
-            self.judge = nn.Sequential(
-                nn.Linear(2 * width + WHOLE_FEATURES, 2 * width),
-                nn.SiLU(),
-                nn.Linear(2 * width, width),
-                nn.SiLU(),
-            )
+            layers = [nn.Linear(FEATURES, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU()]
+            self.judge = nn.Sequential(*layers, nn.Linear(width, width), nn.SiLU())
             self.answer = nn.Linear(width, 2)
-            self.of_link, self.of_whole = nn.Linear(width, 16), nn.Linear(width, 16)
-            self.outlier = nn.Linear(16, 1)
             nn.init.zeros_(self.answer.weight)
-            nn.init.zeros_(self.outlier.weight)
-        self.register_buffer("link_mean", torch.zeros(LINK_FEATURES))
-        self.register_buffer("link_scale", torch.ones(LINK_FEATURES))
-        self.register_buffer("whole_mean", torch.zeros(WHOLE_FEATURES))
-        self.register_buffer("whole_scale", torch.ones(WHOLE_FEATURES))
+            nn.init.zeros_(self.answer.bias)
+        self.register_buffer("mean", torch.zeros(FEATURES))
+        self.register_buffer("scale", torch.ones(FEATURES))
         self.register_buffer("cold", torch.ones(()))
 
-    def scale(self, links: torch.Tensor, is_present: torch.Tensor, whole: torch.Tensor) -> None:
+    def normalize(self, features: torch.Tensor) -> None:
         """Take means and standard deviations of the inputs from a sample."""
-        own = links[is_present > 0]
-        for name, value in (("link", own), ("whole", whole)):
-            getattr(self, f"{name}_mean").copy_(value.mean(dim=0))
-            getattr(self, f"{name}_scale").copy_(1.0 / value.std(dim=0).clamp(min=0.1))
+        self.mean.copy_(features.mean(dim=0))
+        self.scale.copy_(1.0 / features.std(dim=0).clamp(min=0.1))
 
-    def forward(
-        self, links: torch.Tensor, is_present: torch.Tensor, whole: torch.Tensor
-    ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Return score and score of none, (c,), and logits of outliers, (c, l)."""
-        x = self.embed((links - self.link_mean) * self.link_scale)
-        kept = x * is_present[:, :, None]
-        pooled = [kept.sum(dim=1) * _POOL, kept.amax(dim=1)]
-        figures = (whole - self.whole_mean) * self.whole_scale
-        h = self.judge(torch.cat([*pooled, figures], dim=1))
-        answer = self.answer(h)
-        together = torch.tanh(self.of_link(x) + self.of_whole(h)[:, None, :])
-        worse = links[:, :, LINK_FEATURES - 1].clamp(_LEAST, 1.0 - _LEAST)
-        bad = self.outlier(together)[:, :, 0] + torch.log(worse) - torch.log(1.0 - worse)
-        score = answer[:, 0] + whole[:, 0]
-        return score * self.cold, (answer[:, 1] - 6.0) * self.cold, bad
-
-
-def log_probabilities(
-    score: torch.Tensor, none: torch.Tensor, epoch: torch.Tensor, first: torch.Tensor
-) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return log posteriors of candidates, (c,), and of none of them, (n,)."""
-    n = len(first)
-    none = none[first]
-    largest = none.detach().clone().scatter_reduce(0, epoch, score.detach(), "amax")
-    total = torch.exp(none - largest).index_add(0, epoch, torch.exp(score - largest[epoch]))
-    total = largest + torch.log(total)
-    return score - total[epoch], none - total[:n]
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return score and score of none, (c,)."""
+        answer = self.answer(self.judge((features - self.mean) * self.scale))
+        score = answer[:, 0] + features[:, POSTERIOR]
+        return score * self.cold, (answer[:, 1] + _NONE) * self.cold
 
 
 def loss_of(module: nn.Module, batch: tuple[torch.Tensor, ...]) -> torch.Tensor:
-    """Return the cross-entropy of epochs, with that of the true candidates' links."""
-    links, is_present, whole, outlier, epoch, first, true_row = batch
-    score, none, bad = module(links, is_present, whole)
-    rows, nones = log_probabilities(score, none, epoch, first)
-    known = true_row >= 0
-    chosen = true_row.clamp(min=0)
-    entropy = -torch.where(known, rows[chosen], nones).mean()
-    at = true_row[known]
-    own = nn.functional.binary_cross_entropy_with_logits(bad[at], outlier[at], reduction="none")
-    of_links: torch.Tensor = (own * is_present[at]).sum() / is_present[at].sum().clamp(min=1.0)
-    return entropy + _OUTLIER_SHARE * of_links
+    """Return minus the mean log posterior of epochs' right candidates, of none where none is."""
+    features, epoch, first, right = batch
+    score, none = module(features)
+    with_none = torch.cat([score, none[first]]).double()
+    of = torch.cat([epoch, torch.arange(len(first))])
+    largest = torch.full((len(first),), -torch.inf, dtype=torch.float64)
+    largest = largest.scatter_reduce(0, of, with_none.detach(), "amax")
+    weight = torch.exp(with_none - largest[of])
+    nothing = ~torch.zeros(len(first), dtype=torch.bool).index_put((epoch[right],), right[right])
+    true = torch.cat([right, nothing])
+    total, share = (torch.zeros(len(first), dtype=torch.float64) for _ in range(2))
+    total = total.index_add(0, of, weight)
+    share = share.index_add(0, of[true], weight[true])
+    return (torch.log(total) - torch.log(share.clamp(min=_LEAST))).mean()
