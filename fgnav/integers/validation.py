@@ -7,6 +7,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.types.differences import DoubleDifferences
 
+HANDED_OVER = "epoch's trust"  # of a loss: an epoch that a network leaves to another resolver
 WITHOUT_CODE = "phase without code"
 
 _SMALLEST_NORM = 1e-30  # noise-free data can hit the float solution exactly: the ratio stays finite

@@ -299,7 +299,7 @@ class Smoother:
             estimate,
             consistency=tuple(one.summary for one in series),
             verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
-            graph=graph_summary(prepared.problem, sourced, solution),
+            graph=graph_summary(prepared.problem, sourced, solution, prepared.integers),
             losses=(*estimate.losses, *sourced.losses),
             notes=(*estimate.notes, *sourced.notes, *refusals),
         )

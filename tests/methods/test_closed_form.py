@@ -94,7 +94,7 @@ def replace_noise(code):
 
 def test_default_integers_are_those_of_arcs(array_flight):
     estimate = ClosedForm()(array_flight)
-    assert estimate.integers.resolver == "constrained-arcs"
+    assert estimate.integers.resolver == "network-arcs"
     assert estimate.available > 0.9
 
 

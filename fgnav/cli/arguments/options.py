@@ -10,7 +10,7 @@ IntegersName = Annotated[
     str,
     Parameter(
         help="Who resolves the integers: rounding, lambda, constrained, lambda-arcs, "
-        "constrained-arcs, truth, or an installed resolver such as network."
+        "constrained-arcs, truth, or an installed resolver such as network or network-arcs."
     ),
 ]
 TimesFile = Annotated[

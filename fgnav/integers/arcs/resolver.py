@@ -20,7 +20,7 @@ from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import single_differences
 from fgnav.integers.arcs.kernel import Answers, carry, chance_of_epochs
 from fgnav.integers.arcs.smoothing import smoothed
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.integers.validation import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
@@ -119,13 +119,14 @@ class Arcs:
             "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~answered,
             f"probability of wrong integers above {self.wrong_max:g}": answered & ~sure,
         }
+        handed_over = (one for one in answer.losses if one.what == HANDED_OVER)
         return Integers(
             resolver=self.name,
             cycles=np.where(sure, carried.cycles, 0),
             fixed=sure,
             ratio=answer.ratio,
             wrong_probability=np.where(answered.any(axis=(1, 2)), chance, 1.0),
-            losses=not_fixed(reasons),
+            losses=(*handed_over, *not_fixed(reasons)),
         )
 
 

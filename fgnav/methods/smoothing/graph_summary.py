@@ -4,14 +4,21 @@ from collections import Counter
 
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
+from fgnav.integers.validation import HANDED_OVER
 from fgnav.methods.smoothing.own_sources import OwnFactors
 from fgnav.types.estimate import GraphSummary
+from fgnav.types.integers import Integers
+
+TRUST = "trust"  # the network of integers
 
 
 def graph_summary(
-    problem: SmoothingProblem, sourced: OwnFactors, solution: Solution
+    problem: SmoothingProblem,
+    sourced: OwnFactors,
+    solution: Solution,
+    integers: Integers | None,
 ) -> GraphSummary:
-    """Return the summary of a solved problem and its custom factors."""
+    """Return the summary of a solved problem, its custom factors and integers."""
     motion = "inertial" if problem.motion.aux == 6 else "gyro-free motion"
     factors = {motion: len(problem.t_s) - 1}
     measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
@@ -22,6 +29,9 @@ def graph_summary(
     for name, counts in networks.items():
         left_out = [loss for loss in sourced.losses if loss.what == f"{name} answer"]
         counts |= {loss.reason: loss.count for loss in left_out}
+    if integers is not None and integers.resolver.startswith("network"):
+        others = {one.reason: one.count for one in integers.losses if one.what == HANDED_OVER}
+        networks[TRUST] = {"answered": len(integers.fixed) - sum(others.values())} | others
     return GraphSummary(
         solver=solution.solver,
         updates=solution.updates,

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.integers.arcs.resolver import Arcs, noise_as_shown
 from fgnav.integers.array.candidates import Candidates, candidates
 from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.integers.validation import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
 from fgnav.neural.manifest import Manifest, Statistic
 from fgnav.neural.measures import Sensor
@@ -39,7 +40,13 @@ FIGURES = (
     "sigma_ratio",
     "baseline_m",
 )
-_HANDED_OVER = "epoch's trust"
+_NEARLY_ALL = 1.0 - 1e-9  # of a probability: arcs choose by what the network states
+
+
+def network_arcs() -> Arcs:
+    """Integers from slip to slip: of each arc those of the epoch that the network trusts most."""
+    fallback = Constrained(wrong_max=None, estimate_noise=False)
+    return Arcs(inner=Network(wrong_max=_NEARLY_ALL, fallback=fallback), prepare=noise_as_shown)
 
 
 class Trust(NamedTuple):
@@ -139,7 +146,7 @@ class Network:
         integers = fallback(differences, flight)
         losses = [
             Loss(
-                what=_HANDED_OVER,
+                what=HANDED_OVER,
                 reason=f"{text}, the network's training domain: left to {fallback.name}",
                 count=outside.count(text),
             )
@@ -150,7 +157,7 @@ class Network:
 
 def handed_over(integers: Integers) -> Mapping[str, int]:
     """Return how many epochs were outside the network's domain, by reason."""
-    return {loss.reason: loss.count for loss in integers.losses if loss.what == _HANDED_OVER}
+    return {loss.reason: loss.count for loss in integers.losses if loss.what == HANDED_OVER}
 
 
 def risk_holds(manifest: Manifest) -> bool:
