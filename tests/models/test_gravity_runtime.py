@@ -73,8 +73,7 @@ def test_on_unseen_flights_of_all_kinds_the_covariance_is_that_of_the_errors(nam
     rngs = np.random.default_rng(20_261).spawn(20 * len(kinds))
     world = GravityWorld(windows=WindowsTable(flight_s=24.0))
     flights = [
-        (gravity_flight(world, kinds[k % len(kinds)], rng=rng), {})
-        for k, rng in enumerate(rngs)
+        (gravity_flight(world, kinds[k % len(kinds)], rng=rng), {}) for k, rng in enumerate(rngs)
     ]
     found = calibration(manifest(name), flights)
     assert 0.8 <= found.network.nees <= 1.3
