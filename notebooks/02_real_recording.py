@@ -125,13 +125,13 @@ print([finding["name"] for finding in findings()])
 
 # %%
 flight = within(fgnav.load_flight(folder / "flight"), 20.0, 140.0)
-fixes = flight.fixes
+fixes = flight.fixes[0]
 withheld = (fixes.t_s > 100.0) & (fixes.t_s < 115.0)
 rows = {
     name: getattr(fixes, name)[~withheld]
     for name in ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 }
-holed = replace(flight, fixes=replace(fixes, **rows))
+holed = replace(flight, fixes=(replace(fixes, **rows),))
 methods = (Smoother(estimate=("velocity-delay",)), Batch(estimate=("velocity-delay",)))
 prepared = methods[0].prepare(holed)
 estimates = {method.name: method.estimate_prepared(holed, prepared) for method in methods}

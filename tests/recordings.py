@@ -66,13 +66,15 @@ def drive(shared: Path, *, stretched: bool = False, mounted: bool = True) -> Fli
             clock_offset_sigma_s=within_a_sample_s(imu_s),
             **DATA_SHEET,
         ),
-        fixes=Fixes(
-            t_s=t_s,
-            antenna="gps",
-            p_n_m=origin.to_n(ecef(*place.T)),
-            v_n_mps=np.einsum("nij,nj->ni", turned, velocity),
-            position_sigma_m=np.maximum(x[:, [5, 6, 7]], 1e-3),
-            velocity_sigma_mps=x[:, 16:19],
+        fixes=(
+            Fixes(
+                t_s=t_s,
+                antenna="gps",
+                p_n_m=origin.to_n(ecef(*place.T)),
+                v_n_mps=np.einsum("nij,nj->ni", turned, velocity),
+                position_sigma_m=np.maximum(x[:, [5, 6, 7]], 1e-3),
+                velocity_sigma_mps=x[:, 16:19],
+            ),
         ),
     )
 
@@ -95,13 +97,15 @@ def quadrotor(shared: Path, path: str) -> Flight:
             clock_offset_sigma_s=within_a_sample_s(imu[:, 0]),
             **DATA_SHEET,
         ),
-        fixes=Fixes(
-            t_s=fixes[:, 0],
-            antenna="rtk",
-            p_n_m=fixes[:, -3:],
-            v_n_mps=None,
-            position_sigma_m=np.tile([0.02, 0.02, 0.04], (len(fixes), 1)),
-            velocity_sigma_mps=None,
+        fixes=(
+            Fixes(
+                t_s=fixes[:, 0],
+                antenna="rtk",
+                p_n_m=fixes[:, -3:],
+                v_n_mps=None,
+                position_sigma_m=np.tile([0.02, 0.02, 0.04], (len(fixes), 1)),
+                velocity_sigma_mps=None,
+            ),
         ),
     )
 
@@ -152,13 +156,15 @@ def kitti(until_s: float = np.inf, *, position_sigma_m: float = 0.01) -> Flight:
             gyroscope_bias_walk_radps_per_sqrt_s=sheet["GyroscopeBiasSigma"],
             clock_offset_sigma_s=within_a_sample_s(imu_s),
         ),
-        fixes=Fixes(
-            t_s=fixes[:, 0] - begin_s,
-            antenna="gps",
-            p_n_m=fixes[:, [2, 1, 3]] * down[[0, 0, 1]],
-            v_n_mps=None,
-            position_sigma_m=np.full((len(fixes), 3), position_sigma_m),
-            velocity_sigma_mps=None,
+        fixes=(
+            Fixes(
+                t_s=fixes[:, 0] - begin_s,
+                antenna="gps",
+                p_n_m=fixes[:, [2, 1, 3]] * down[[0, 0, 1]],
+                v_n_mps=None,
+                position_sigma_m=np.full((len(fixes), 3), position_sigma_m),
+                velocity_sigma_mps=None,
+            ),
         ),
     )
 

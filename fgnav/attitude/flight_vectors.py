@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.attitude.receiver_baselines import heading_baselines, with_pitch
 from fgnav.attitude.vector_pairs import VectorPairs, stacked, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.gnss.intervals import usual_interval_so_far_s
@@ -66,11 +67,12 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
             velocity_covariance_m2ps2=code.velocity_covariance_m2ps2,
             arm_b_m=flight.antennas[0].position_b_m,
         )
-    if flight.fixes is None:
+    fixes = flight.first_fixes
+    if fixes is None:
         raise NoSolutionError(
             f"attitude: flight {flight.name} has no antenna array, no raw data, no fixes"
         )
-    return track_by_fixes(flight.fixes, flight.antenna(flight.fixes.antenna))
+    return track_by_fixes(fixes, flight.antenna(fixes.antenna))
 
 
 def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
@@ -91,13 +93,14 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
 def measured_vectors(
     flight: Flight, track: Track, own: OwnRotation | None = None, *, causal: bool = False
 ) -> tuple[VectorPairs, tuple[Loss, ...]]:
-    """Return the pairs that instruments give in both frames: specific force, line of sight.
+    """Return the pairs that instruments give in both frames: force, line of sight, baselines.
 
     Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
     rotation is known: else a spin blurs it. With ``causal`` it is that since the epoch before, and
     the line of sight is the last sample's; ``own`` is then the caller's to have without the future.
     Weights are one over the mean variance of the components across a vector.
     """
+    at_epochs = _last_seen if causal else _interpolated
     v_n: list[FloatArray] = []
     v_b: list[FloatArray] = []
     variance: list[FloatArray] = []
@@ -120,13 +123,21 @@ def measured_vectors(
         losses = sight.losses
         to_n_m = flight.seeker.landmark_n_m - track.p_n_m
         distance_m = np.linalg.norm(to_n_m, axis=1)
-        at_epochs = _last_seen if causal else _interpolated
         e_b = at_epochs(sight.t_s, sight.e_b, track.t_s)
         v_n.append(to_n_m)
         v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
         of_position_m2 = _variance_across(to_n_m, track.position_covariance_m2)
         variance.append((sight.sigma_rad * distance_m) ** 2 + of_position_m2)
         sources.append("line of sight")
+    force = (v_n[0], v_b[0]) if "specific force" in sources else None
+    for one in heading_baselines(flight):
+        e_n = at_epochs(one.of.t_s, _unit(one.of.vector_n_m), track.t_s)
+        e_b = np.tile(_unit(one.vector_b_m), (len(e_n), 1))
+        if one.of.measured == "heading" and force is not None:
+            e_n = with_pitch(e_n, e_b[0], *force)
+        v_n, v_b, sources = [*v_n, e_n], [*v_b, e_b], [*sources, f"receiver {one.name}"]
+        last = (np.searchsorted(one.of.t_s, track.t_s, side="right") - 1).clip(0)
+        variance.append(one.variance_rad2[last])
     n, k = len(track.t_s), len(sources)
     pairs = VectorPairs(
         v_n=np.stack(v_n, axis=1) if k else np.zeros((n, 0, 3)),
@@ -169,8 +180,10 @@ def with_velocity(pairs: VectorPairs, track: Track) -> VectorPairs:
 
     Not beside a vector of nearly its own direction: the line of sight of a body that flies to the
     landmark says the same as the velocity, and a few degrees of sideslip would roll it by tens.
+    Nor beside a baseline, which tells the heading of a body that flies in any direction.
     """
-    if track.v_n_mps is None:
+    has_baseline = any(source.startswith("receiver") for source in pairs.sources)
+    if track.v_n_mps is None or has_baseline:
         return pairs
     speed_mps = np.linalg.norm(track.v_n_mps, axis=1)
     others = pairs.directions()
@@ -184,6 +197,10 @@ def with_velocity(pairs: VectorPairs, track: Track) -> VectorPairs:
         v_n=v_n[:, None], v_b=v_b[:, None], weight=np.ones((len(v_n), 1)), sources=("velocity",)
     )
     return stacked([pairs, nose])
+
+
+def _unit(v: FloatArray) -> FloatArray:
+    return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
 def _interpolated(t_s: FloatArray, e_b: FloatArray, at_s: FloatArray) -> FloatArray:

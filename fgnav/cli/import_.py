@@ -1,24 +1,33 @@
 """The command ``fgnav import``."""
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
-_FORMATS = (
+if TYPE_CHECKING:
+    from fgnav.checks import Loss
+
+FORMATS = (
     "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
     "rtcm3, rinex, sp3, or an installed one; else told by each file's content."
 )
 
 
+def unused_lines(losses: "Sequence[Loss]") -> list[str]:
+    """Return a line for everything that files hold and the flight has not."""
+    return [f"not used: {one.count} × {one.what}: {one.reason}" for one in losses]
+
+
 def import_(
     *recordings: Path,
     out: Path,
-    format: Annotated[str | None, Parameter(help=_FORMATS)] = None,  # noqa: A002
+    format: Annotated[str | None, Parameter(help=FORMATS)] = None,  # noqa: A002
     settings: Path | None = None,
     json: JsonFile = None,
 ) -> None:
@@ -38,7 +47,6 @@ def import_(
     from tempfile import TemporaryDirectory  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import assemble, write  # noqa: PLC0415
@@ -48,7 +56,6 @@ def import_(
     if not recordings:
         raise BadInputError("recordings: name a file to import, or several")
     stated = read_settings(settings)
-    importers = {one: importer_named(format or recognised(one)) for one in recordings}
     check_empty(out)
     check_places(json)
     with (
@@ -56,9 +63,10 @@ def import_(
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
         imported = []
-        for one, importer in importers.items():
+        for one in recordings:
+            name, file = recognised(one, Path(scratch), format)
             with step(f"reading {one}"):
-                imported.append(importer(one, stated, Path(scratch)))
+                imported.append(importer_named(name)(file, stated, Path(scratch)))
         with step(f"writing {out}"):
             assembled = assemble(imported, stated)
             write(assembled, out, verify=bool(assembled.observations and assembled.navigation))
@@ -75,6 +83,6 @@ def import_(
         },
     )
     if json != "-":
-        lines = loss_lines({"recording": flight.losses})
+        lines = unused_lines(flight.losses)
         notes = [f"{key}: {text}" for key, text in (assembled.notes | assembled.missing).items()]
         show_lines([f"{flight.name}: written to {out}", *lines, *notes])

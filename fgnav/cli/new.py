@@ -1,12 +1,22 @@
 """The command ``fgnav new``."""
 
+from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated
 
+from cyclopts import Parameter
+
+from fgnav.cli.import_ import FORMATS, unused_lines
 from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
 
-def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
+def new(
+    *recordings: Path,
+    out: Path,
+    format: Annotated[str | None, Parameter(help=FORMATS)] = None,  # noqa: A002
+    json: JsonFile = None,
+) -> None:
     """Look at files of any format and write a flight folder to edit.
 
     Its flight.toml says beside each key what it means, and, marked EDIT, what no file states. Files
@@ -17,14 +27,14 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
     Parameters
     ----------
     recordings
-        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, UBX, SBF, NovAtel, RTCM 3.
+        RINEX, SP3, CSV, .pos, ULog, DataFlash, ROS bags, NMEA, UBX, SBF, NovAtel, RTCM 3; packed
+        or not.
     out
         Folder for the flight; made, and refused if it holds anything.
     """
     from tempfile import TemporaryDirectory  # noqa: PLC0415  # lazy, like all below
 
     from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import SETTINGS_NAME, assemble, write  # noqa: PLC0415
@@ -37,24 +47,24 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
         raise BadInputError("recordings: name a file to look at, or several")
     check_empty(out)
     check_places(json)
-    formats, passed_over = {}, list[UnknownFormatError]()
-    for one in recordings:
-        try:
-            formats[one] = recognised(one)
-        except UnknownFormatError as error:
-            passed_over.append(error)
-    if not formats:
-        raise passed_over[0]
-    tables = tuple(guessed(one) for one, name in formats.items() if name == "csv")
-    settings = Settings(csv=tables)
+    files, passed_over = dict[Path, tuple[str, Path]](), list[UnknownFormatError]()
     with (
         progress(len(recordings) + 1) as step,
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
+        for one in recordings:
+            try:
+                files[one] = recognised(one, Path(scratch), format)
+            except UnknownFormatError as error:
+                passed_over.append(error)
+        if not files:
+            raise passed_over[0]
+        tables = tuple(guessed(file) for name, file in files.values() if name == "csv")
+        settings = Settings(csv=tables)
         found = []
-        for one, name in formats.items():
+        for one, (name, file) in files.items():
             with step(f"reading {one}"):
-                found.append(importer_named(name)(one, settings, Path(scratch)))
+                found.append(importer_named(name)(file, settings, Path(scratch)))
         with step(f"writing {out}"):
             assembled = assemble(found, settings)
             texts = comments(assembled)
@@ -62,12 +72,15 @@ def new(*recordings: Path, out: Path, json: JsonFile = None) -> None:
                 assembled, out, verify=False, comments=texts, settings=settings if tables else None
             )
     edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
-    names = {str(one): name for one, name in formats.items()}
-    write_json(json, {"folder": str(out), "formats": names, "edit": list(edits)})
+    names = {str(one): name for one, (name, _) in files.items()}
+    losses = assembled.flight.losses
+    counted = [asdict(loss) for loss in losses]
+    content = {"folder": str(out), "formats": names, "losses": counted, "edit": list(edits)}
+    write_json(json, content)
     if json != "-":
         lines = [f"{one}: {name}" for one, name in names.items()]
         lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
         lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
-        lines += loss_lines({"recording": assembled.flight.losses})
+        lines += unused_lines(losses)
         lines += [f"edit {key}" for key in edits]
         show_lines([*lines, f"written to {out}; edit flight.toml there, then: fgnav check {out}"])

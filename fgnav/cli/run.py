@@ -49,7 +49,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
-    from fgnav.evaluation.report.table import remarks  # noqa: PLC0415
+    from fgnav.evaluation.report.table import quality_lines, remarks  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_outputs(flight, json, report, folder=out)
@@ -66,6 +66,6 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":
-        show_lines([written, *remarks(comparison)])
+        show_lines([written, *quality_lines(comparison), *remarks(comparison)])
         show_report(files)
     fail_if_inconsistent(comparison, strict=smoother.strict)

@@ -287,14 +287,31 @@ def _is_rejected(left: FloatArray, best: int) -> BoolArray:
 def clock_of(
     motion: Motion, series: Series, integrals_at: Callable[[float], Integrals], start_s: float
 ) -> Clock | None:
-    """Fit offset and lever arm by Gauss-Newton from a start; None where no windows are covered."""
+    """Fit offset and lever arm by Gauss-Newton from a start; None where no windows are covered.
+
+    Where both do not settle together, the lever arm alone.
+    """
+    clock = _clock(motion, series, integrals_at, start_s, timed=True)
+    if clock is None or clock.arm_freedom > 0:
+        return clock
+    return _clock(motion, series, integrals_at, start_s, timed=False)
+
+
+def _clock(
+    motion: Motion,
+    series: Series,
+    integrals_at: Callable[[float], Integrals],
+    start_s: float,
+    *,
+    timed: bool,
+) -> Clock | None:
     offset_s, arm_b_m, steps = start_s, motion.arm_b_m, 0
     while True:
         integrals = integrals_at(offset_s)
         windows = track.covered(series, integrals.t_s)
         if not len(windows):
             return None
-        here, R_ns = track.fit(series, integrals, motion.imu, arm_b_m, windows)
+        here, R_ns = track.fit(series, integrals, motion.imu, arm_b_m, windows, timed=timed)
         x, is_settled = here.x.clip(-1.0, 1.0), here.settled()
         is_far = abs(offset_s + x[track.OFFSET] - start_s) > _APART_S
         if is_far or steps == _STEPS or (abs(x[track.OFFSET]) < _STILL_S and is_settled):
@@ -304,7 +321,7 @@ def clock_of(
     return Clock(
         offset_s,
         here.sigma(track.OFFSET),
-        here.bound(track.OFFSET) if is_settled else np.inf,
+        here.bound(track.OFFSET) if is_settled and timed else np.inf,
         arm_b_m,
         here.covariance[track.ARM, track.ARM],
         float(here.freedom[track.ARM].min()) if is_settled else 0.0,

@@ -89,8 +89,7 @@ class Diagnosis:
 
 def contents(flight: Flight) -> Diagnosis:
     """Return contents of a flight, and findings that need no solution."""
-    names = ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth")
-    sensors = {"gnss": flight.observations, **{name: getattr(flight, name) for name in names}}
+    sensors = {"gnss": flight.observations, **flight.records}
     series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
     findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
@@ -148,7 +147,8 @@ def _array_findings(flight: Flight) -> list[Finding]:
         findings.append(Finding("duplicate antennas", text, "check position_b_m"))
     _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
     spread_m = np.append(sizes, np.zeros(3))[:2]
-    if spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M:
+    is_line = spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M
+    if is_line and flight.observations is not None:
         from fgnav.attitude.array import axis_name  # noqa: PLC0415  # lazy: brings numba
 
         text = f"all on one line, so phase leaves unobservable: {axis_name(axes[:1])}"
@@ -159,7 +159,7 @@ def _array_findings(flight: Flight) -> list[Finding]:
 def _series_findings(series: dict[str, Series]) -> list[Finding]:
     """Return gaps of sensors, and sensors that do not overlap GNSS."""
     findings = []
-    main = series.get("gnss") or series.get("fixes")
+    main = next((s for name, s in series.items() if name.startswith(("gnss", "fixes"))), None)
     for name, s in series.items():
         if s.gaps and name != "seeker":  # which is blind most of the time
             text = f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s"

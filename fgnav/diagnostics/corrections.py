@@ -92,7 +92,7 @@ def _exchange(flight: Flight, array: ArrayRanges | None) -> Exchange | None:
 
 def _motion(flight: Flight) -> Motion | None:
     """Return the motion by the gyroscope, else by attitudes of an array; None without a track."""
-    imu, seen, fixes, attitudes = flight.imu, flight.observations, flight.fixes, None
+    imu, seen, fixes, attitudes = flight.imu, flight.observations, flight.first_fixes, None
     has_gyroscope = imu is not None and imu.w_b_radps is not None
     if imu is None or len(imu.t_s) < 3:
         return None

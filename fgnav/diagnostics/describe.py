@@ -9,6 +9,7 @@ from fgnav.checks import NoSolutionError
 from fgnav.diagnostics.antennas import antenna_finding
 from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
 from fgnav.diagnostics.axes import axes_finding
+from fgnav.diagnostics.baselines import baseline_findings
 from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import (
     Diagnosis,
@@ -74,13 +75,14 @@ def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
     out.add(*samples)
     if not any(finding.certain for finding in samples):
         out.add(*instrument_findings(flight))
+        out.add(*baseline_findings(flight))
         _check_motion(flight, out, quick=quick)
     return replace(found, findings=(*found.findings, *out.found), unchecked=tuple(out.unchecked))
 
 
 def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
     """Check GNSS, then everything else against it."""
-    observations, fixes, array = flight.observations, flight.fixes, None
+    observations, fixes, array = flight.observations, flight.first_fixes, None
     if observations is not None and len(observations.t_s):
         if not quick and out.add(_leap_finding(flight, observations)):
             return None
@@ -116,7 +118,7 @@ def _check_imu(
 ) -> None:
     """Check units by magnitude, then axes, then clock, lever arm and mounting."""
     forces = None if fixes is None else mean_forces(fixes, flight.origin)
-    if fixes is not None and fixes is flight.fixes:
+    if fixes is not None and fixes is flight.first_fixes:
         finding = velocity_finding(where_it_moves(fixes))
         if finding is not None and finding.certain:
             fixes = replace(fixes, v_n_mps=None, velocity_sigma_mps=None)
@@ -155,7 +157,7 @@ def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
     found = [clock for clock in clocks if clock is not None]
     if not found:
         return out.skip("imu axes, clock, lever arm", "too few epochs of GNSS within its record")
-    main = min(found, key=lambda one: one.bound_s)
+    main = min(found, key=lambda one: (one.bound_s, np.trace(one.arm_covariance_m2)))
     # With a clock that fits them axes may be right that seem wrong beside it.
     offsets_s = [start_s, *([main.offset_s] if main.bound_s < COARSE_S else [])]
     axes = [axes_finding(motion, offset_s) for offset_s in offsets_s]

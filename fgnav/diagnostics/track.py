@@ -247,11 +247,17 @@ class WindowValues:
 
 
 def fit(
-    series: Series, integrals: Integrals, imu: Imu, arm_b_m: FloatArray, windows: Windows
+    series: Series,
+    integrals: Integrals,
+    imu: Imu,
+    arm_b_m: FloatArray,
+    windows: Windows,
+    *,
+    timed: bool = True,
 ) -> tuple[Fitted, FloatArray]:
     """Fit each window, and corrections of clock offset, s, and lever arm, m, to all.
 
-    Returns these, and R_ns, (W, 3, 3).
+    Returns these, and R_ns, (W, 3, 3). Not ``timed``: the offset stays as it is.
     """
     values, order, aligned = WindowValues(series, windows), series.order, integrals.aligned
     resampled = partial(values.resampled, integrals.t_s)
@@ -271,7 +277,7 @@ def fit(
     ]
     ridge = prior(imu, order, aligned=aligned)
     R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, aligned=aligned)
-    common = np.concatenate([-resampled(by_offset)[..., None], arm], axis=3)
+    common = np.concatenate([-resampled(timed * by_offset)[..., None], arm], axis=3)
     common = (values.white[..., None] * (R_ns[:, None] @ common)).reshape(*y.shape, -1)
     return fitted(y, local, common, ridge), R_ns
 

@@ -90,8 +90,9 @@ def _none(name: str) -> Callable[[Flight], Flight | None]:
     """Return what takes a whole record away."""
 
     def less(flight: Flight) -> Flight | None:
-        gone: dict[str, Any] = {name: None}
-        return None if getattr(flight, name) is None else replace(flight, **gone)
+        record = getattr(flight, name)
+        gone: dict[str, Any] = {name: () if isinstance(record, tuple) else None}
+        return replace(flight, **gone) if record else None
 
     return less
 
@@ -130,16 +131,18 @@ def _no_gyroscope(flight: Flight) -> Flight | None:
 
 
 def _no_baselines(flight: Flight) -> Flight | None:
-    """Return a flight whose reference antenna is alone."""
+    """Return a flight without receivers' baselines, and whose reference antenna is alone."""
     observed = flight.observations
     if observed is None or len(flight.antennas) < 2:
-        return None
+        return replace(flight, baselines=()) if flight.baselines else None
     of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
     first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
-    truth = flight.truth
+    truth, antenna = flight.truth, flight.antennas[0]
     return replace(
         flight,
-        antennas=flight.antennas[:1],
+        fixes=tuple(one for one in flight.fixes if one.antenna == antenna.name),
+        baselines=(),
+        antennas=(antenna,),
         observations=replace(observed, **first),
         truth=None if truth is None else replace(truth, integers=None),
     )

@@ -10,7 +10,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
-from fgnav.evaluation.scores import Angles, Errors, Score, errors_against, score
+from fgnav.evaluation.scores import Angles, Errors, Score, baseline_figures, errors_against, score
 from fgnav.integers.arcs.reported import reported_arcs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, Estimator, Rejected
@@ -309,7 +309,7 @@ def _judge(
         arcs = (*reported_arcs(differences, estimate.integers, names), *arcs)
     return Method(
         name=name,
-        score=score(estimate, errors, counts, seconds),
+        score=score(estimate, errors, counts, seconds, baseline_figures(flight, estimate)),
         estimate=estimate,
         errors=errors,
         arcs=arcs,

@@ -4,21 +4,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.attitude.baseline_angles import (
+    BaselineAngles,
+    azimuth_elevation,
+    baseline_angles,
+    reported_baselines,
+)
+from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
-from fgnav.types.estimate import (
-    Consistency,
-    Estimate,
-    GraphSummary,
-    Verdict,
-    open_angle_variance_rad2,
-)
-from fgnav.types.flight import Truth
+from fgnav.types.estimate import Consistency, Estimate, GraphSummary, Verdict
+from fgnav.types.flight import Flight, Truth
 
 EULER = ("roll", "pitch", "yaw")
-_OPEN = 0.9  # of the variance of a uniform angle: rounding, and what a prior adds
+_SIGMAS = "azimuth_sigma_deg", "elevation_sigma_deg"
+_ERRORS = "azimuth_rmse_deg", "elevation_rmse_deg"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,9 +47,6 @@ class Errors:
     nees, position_nees, velocity_nees : ndarray, shape (n,), or None
         Normalised errors squared of attitude, position, velocity: chi-square with 3 degrees of
         freedom when the stated covariance is right; NaN where that is not positive definite.
-    line_nees : ndarray, shape (n,), or None
-        That of the direction of antennas in a line, 2 degrees of freedom; NaN where the stated
-        covariance does not leave one axis open.
     losses : tuple of Loss
         Epochs of the estimate that could not be judged.
     """
@@ -60,8 +59,37 @@ class Errors:
     nees: FloatArray | None
     position_nees: FloatArray | None = None
     velocity_nees: FloatArray | None = None
-    line_nees: FloatArray | None = None
     losses: tuple[Loss, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MedianSigmas:
+    """Medians over epochs of 1-sigma as stated: of angles, and the root of the sum of squares."""
+
+    euler_deg: Angles = Angles()
+    position_m: float | None = None
+    velocity_mps: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BaselineFigures:
+    """Medians of 1-sigma of a baseline's angles, degrees, and what there is against truth.
+
+    Attributes
+    ----------
+    name : str
+    azimuth_sigma_deg, elevation_sigma_deg : float or None
+    azimuth_rmse_deg, elevation_rmse_deg : float or None
+    nees_mean : float or None
+        Near 2 where what is stated of both angles is right.
+    """
+
+    name: str
+    azimuth_sigma_deg: float | None = None
+    elevation_sigma_deg: float | None = None
+    azimuth_rmse_deg: float | None = None
+    elevation_rmse_deg: float | None = None
+    nees_mean: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,8 +105,9 @@ class Score:
     attitude_nees_mean, position_nees_mean, velocity_nees_mean : float or None
         Near 3 when the stated covariance is honest, over many flights: errors of position are
         nearly the same all along one.
-    line_nees_mean : float or None
-        Near 2 when that of the direction of antennas in a line is; None unless an angle is open.
+    sigmas : MedianSigmas
+    baselines : tuple of BaselineFigures
+        Azimuth and elevation of receivers' baselines, and of antennas in a line.
     available : float
         Share of the epochs with an answer.
     seconds : float
@@ -101,7 +130,8 @@ class Score:
     attitude_nees_mean: float | None = None
     position_nees_mean: float | None = None
     velocity_nees_mean: float | None = None
-    line_nees_mean: float | None = None
+    sigmas: MedianSigmas = MedianSigmas()
+    baselines: tuple[BaselineFigures, ...] = ()
     available: float = 0.0
     integers: IntegerCounts | None = None
     seconds: float
@@ -149,21 +179,21 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
             inside,
             _diagonal(real.velocity_sigma_mps),
         ),
-        line_nees=_line_nees(
-            rotations.transpose(R_nb) @ real.R_nb,
-            estimate.attitude_covariance_rad2,
-            inside,
-            _attitude_covariance(real),
-        ),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
     )
 
 
 def score(
-    estimate: Estimate, errors: Errors | None, integers: IntegerCounts | None, seconds: float
+    estimate: Estimate,
+    errors: Errors | None,
+    integers: IntegerCounts | None,
+    seconds: float,
+    baselines: tuple[BaselineFigures, ...] = (),
 ) -> Score:
     """Return a method's figures; without errors (no truth) only those that need none."""
     figures = Score(
+        sigmas=median_sigmas(estimate),
+        baselines=baselines,
         available=estimate.available,
         integers=integers,
         seconds=seconds,
@@ -188,7 +218,6 @@ def score(
         attitude_nees_mean=_mean(errors.nees) if full_attitude else None,
         position_nees_mean=None if "position" in lost else _mean(errors.position_nees),
         velocity_nees_mean=None if "velocity" in lost else _mean(errors.velocity_nees),
-        line_nees_mean=None if full_attitude else _mean(errors.line_nees),
     )
 
 
@@ -201,6 +230,42 @@ def hidden(estimate: Estimate) -> set[str]:
     names = set(estimate.unobservable)
     mixed = any(name == "attitude" or name.startswith("rotation") for name in names)
     return names | set(EULER) if mixed else names
+
+
+def median_sigmas(estimate: Estimate) -> MedianSigmas:
+    """Return medians of what an estimate states of its errors, of what it observes."""
+    lost, euler_deg = hidden(estimate), estimate.sigma_deg
+    stated: dict[str, float] = {}
+    if euler_deg is not None and len(euler_deg):
+        medians = dict(zip(EULER, np.median(euler_deg, axis=0).tolist(), strict=True))
+        stated = {name: value for name, value in medians.items() if name not in lost}
+    return MedianSigmas(
+        euler_deg=Angles(**stated),
+        position_m=None if "position" in lost else _size(estimate.position_covariance_m2),
+        velocity_mps=None if "velocity" in lost else _size(estimate.velocity_covariance_m2ps2),
+    )
+
+
+def _size(covariance: FloatArray | None) -> float | None:
+    """Return the median over epochs of the root of a covariance's trace."""
+    if covariance is None or not np.isfinite(covariance).all(axis=(1, 2)).any():
+        return None
+    return float(np.nanmedian(np.sqrt(np.einsum("nii->n", covariance).clip(0))))
+
+
+def open_heading_spans_s(estimate: Estimate) -> list[tuple[float, float]]:
+    """Return first and last epoch of each span in which yaw is known to no better than a guess."""
+    sigma_deg = estimate.sigma_deg
+    if sigma_deg is None or not len(sigma_deg):
+        return []
+    is_open = sigma_deg[:, 2] > np.degrees(KNOWN_RAD)
+    if "yaw" in hidden(estimate):
+        is_open[:] = True
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], is_open, [False]]).astype(np.int8)))
+    t_s = estimate.t_s
+    return [
+        (float(t_s[a]), float(t_s[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
 
 
 def rms(values: FloatArray | None) -> float | None:
@@ -274,32 +339,40 @@ def _nees(
     return np.where(sound, (along**2 / safe).sum(axis=1), np.nan)
 
 
-def _line_nees(
-    turn_b: FloatArray,
-    covariance: FloatArray | None,
-    inside: BoolArray,
-    of_reference: FloatArray | None,
-) -> FloatArray | None:
-    """Return the NEES of the axis about which attitudes are open, (n,); NaN where none is.
+def baseline_errors_rad(angles: BaselineAngles, truth: Truth, unit_b: FloatArray) -> FloatArray:
+    """Return errors of azimuth and elevation, (n, 2); NaN where there is no truth."""
+    inside, errors = covered(truth, angles.t_s), np.full((len(angles.t_s), 2), np.nan)
+    real = azimuth_elevation(truth_at(truth, angles.t_s[inside]).R_nb @ unit_b)
+    errors[inside] = rotations.wrap(angles.angles_rad[inside] - real)
+    return errors
 
-    ``turn_b``, (n, 3, 3), is the way from the estimated to the true attitude. The angle about the
-    axis may be any, so that components of its rotation vector across say nothing: the way that the
-    axis itself takes does.
-    """
-    if covariance is None:
-        return None
-    covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
-    is_finite = np.isfinite(covariance).all(axis=(1, 2))
-    variance, axes = np.linalg.eigh(
-        np.where(np.reshape(is_finite, (-1, 1, 1)), covariance, np.eye(3))
-    )
-    is_open = variance > _OPEN * open_angle_variance_rad2()
-    line = is_finite & is_open[:, 2] & ~is_open[:, 1] & (variance[:, 0] > 0)
-    axis_b = axes[:, :, 2]
-    true_b = np.einsum("nij,nj->ni", turn_b, axis_b)
-    across = np.cross(axis_b, true_b)
-    sine, cosine = np.linalg.norm(across, axis=1), np.einsum("ni,ni->n", axis_b, true_b)
-    angle = np.arctan2(sine, cosine) / np.maximum(sine, np.finfo(float).tiny)
-    along = np.einsum("nij,ni->nj", axes[:, :, :2], angle[:, None] * across)
-    safe = np.where(line[:, None], variance[:, :2], 1.0)
-    return np.where(line, (along**2 / safe).sum(axis=1), np.nan)
+
+def baseline_figures(flight: Flight, estimate: Estimate) -> tuple[BaselineFigures, ...]:
+    """Return the figures of all reported baselines of a flight."""
+    figures = []
+    for name, unit_b in reported_baselines(flight).items() if len(estimate.t_s) else ():
+        angles, of = baseline_angles(estimate, unit_b), {}
+        sigma_rad, P = angles.sigma_rad, angles.covariance_rad2
+        if sigma_rad is not None:
+            of = dict(zip(_SIGMAS, np.degrees(np.median(sigma_rad, axis=0)).tolist(), strict=True))
+        if flight.truth is not None:
+            errors = baseline_errors_rad(angles, flight.truth, unit_b)
+            of |= _against_truth(errors[np.isfinite(errors[:, 0])])
+            of |= {} if P is None else _normalised(errors, P)
+        figures.append(BaselineFigures(name=name, **of))
+    return tuple(figures)
+
+
+def _against_truth(errors_rad: FloatArray) -> dict[str, float]:
+    if not len(errors_rad):
+        return {}
+    rms = np.degrees(np.sqrt((errors_rad**2).mean(axis=0))).tolist()
+    return dict(zip(_ERRORS, rms, strict=True))
+
+
+def _normalised(errors_rad: FloatArray, P: FloatArray) -> dict[str, float]:
+    """Return the mean NEES over epochs whose covariance is positive definite."""
+    sound = np.isfinite(errors_rad[:, 0]) & (np.linalg.det(P) > 0)
+    e, P = errors_rad[sound], P[sound]
+    nees = np.einsum("ni,ni->n", e, np.linalg.solve(P, e[:, :, None])[..., 0])
+    return {"nees_mean": float(nees.mean())} if len(nees) else {}

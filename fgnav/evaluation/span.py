@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
-from fgnav.types.flight import SENSORS, Flight, Truth
+from fgnav.types.flight import Flight
 
 
 def within(flight: Flight, from_s: float | None, until_s: float | None) -> Flight:
@@ -31,15 +31,16 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
     high = np.inf if until_s is None else until_s
     if not low < high:
         raise BadInputError(f"--from {low:g} --until {high:g}: the first must be the earlier")
+    records = {
+        name: one[_around(one.t_s, low, high) if name == "truth" else _between(one.t_s, low, high)]
+        for name, one in flight.records.items()
+    }
+    records = {name: one for name, one in records.items() if len(one.t_s)}
     parts: dict[str, Any] = {}
-    for name in SENSORS:
-        record = getattr(flight, name)
-        if record is not None:
-            parts[name] = _rows(record, _between(record.t_s, low, high))
     if flight.observations is not None:
         observations = flight.observations
         parts["observations"] = observations[_between(observations.t_s, low, high)]
-    if not any(len(part.t_s) for part in parts.values()):
+    if not (records.keys() - {"truth"} or any(len(part.t_s) for part in parts.values())):
         raise BadInputError(
             f"--from {low:g} --until {high:g}: flight {flight.name!r} measured nothing then"
         )
@@ -47,42 +48,23 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
         observations = flight.base.observations
         observations = observations[_between(observations.t_s, low, high)]
         parts["base"] = replace(flight.base, observations=observations)
-    if flight.truth is not None:
-        parts["truth"] = _truth(flight.truth, low, high)
     if flight.initial is not None and low > _first_s(flight):
         parts["initial"] = None
-    empty = {name: None for name in SENSORS if name in parts and not len(parts[name].t_s)}
-    return replace(flight, **(parts | empty))
+    return replace(flight, **parts).with_records(records)
 
 
 def _between(t_s: FloatArray, low: float, high: float) -> BoolArray:
     return np.asarray((t_s >= low) & (t_s <= high))
 
 
-def _rows(record: Any, keep: BoolArray) -> Any:  # noqa: ANN401  # any record with a row per sample
-    """Return a record with some of its samples."""
-    names = [
-        name
-        for name in record.__dataclass_fields__
-        if isinstance(getattr(record, name), np.ndarray)
-        and name not in ("calibration", "landmark_n_m", "position_b_m", "field_n_ut")
-    ]
-    rows: dict[str, Any] = {name: getattr(record, name)[keep] for name in names}
-    return replace(record, **rows)
-
-
-def _truth(truth: Truth, low: float, high: float) -> Truth:
-    first = max(int(np.searchsorted(truth.t_s, low, side="right")) - 1, 0)
-    last = int(np.searchsorted(truth.t_s, high)) + 1
-    rows: dict[str, Any] = {
-        name: getattr(truth, name)[first:last] for name in ("t_s", "p_n_m", "v_n_mps", "R_nb")
-    }
-    return replace(truth, **rows)
+def _around(t_s: FloatArray, low: float, high: float) -> slice:
+    """Return the samples between two times, and one on either side."""
+    first = max(int(np.searchsorted(t_s, low, side="right")) - 1, 0)
+    return slice(first, int(np.searchsorted(t_s, high)) + 1)
 
 
 def _first_s(flight: Flight) -> float:
     """Return when the first measurement was made."""
-    records = [flight.observations, *(getattr(flight, name) for name in SENSORS)]
-    return min(
-        (float(one.t_s[0]) for one in records if one is not None and len(one.t_s)), default=0.0
-    )
+    records = {**flight.records, "gnss": flight.observations, "truth": None}
+    times = (one.t_s for one in records.values() if one is not None and len(one.t_s))
+    return min((float(t_s[0]) for t_s in times), default=0.0)

@@ -145,7 +145,7 @@ def constants_of(
         "gravity": not gravity and "no source of the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
         "clock": flight.imu is None and "the flight has no [imu]",
-        "velocity-delay": (flight.fixes is None or flight.fixes.v_n_mps is None)
+        "velocity-delay": all(one.v_n_mps is None for one in flight.fixes)
         and "the flight has no [fixes] with velocities",
     }
     constants: list[FlightConstant] = []

@@ -16,6 +16,7 @@ from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.factors.barometer import BarometricHeight
+from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.magnetometer import MagneticField
@@ -48,8 +49,8 @@ class Recorded:
         Where antennas are estimated: stands in for ``array`` where it is.
     antennas : tuple of str
         The reference first.
-    position : VectorSeries or None
-        Fixes of an antenna.
+    positions : tuple of VectorSeries
+        Fixes of antennas.
     velocities : tuple of VectorSeries
         Of antennas.
     sensed : Sensed
@@ -66,7 +67,7 @@ class Recorded:
     float_stretch: IntArray
     shape: BaselineForm | None
     antennas: tuple[str, ...]
-    position: VectorSeries | None
+    positions: tuple[VectorSeries, ...]
     velocities: tuple[VectorSeries, ...]
     sensed: Sensed
     gravity_n_mps2: FloatArray
@@ -79,6 +80,7 @@ class Recorded:
 def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
     """Return the graph's measurements of all sensors that have any."""
     gnss = (*_array(recorded, constants), *_antenna(recorded, constants))
+    gnss = (*gnss, *_baselines(recorded, constants))
     others = (
         *_directions(recorded, constants),
         *_surroundings(recorded, constants),
@@ -129,9 +131,9 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
 
 def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     lever = constants.column("lever-arm")
-    position, timed = recorded.position, recorded.timed
+    timed = recorded.timed
     is_late = timed is not None and constants.column(VELOCITY_DELAY) >= 0
-    if position is not None:
+    for position in recorded.positions:
         row = np.flatnonzero(position.valid)
         yield Position(
             row=row,
@@ -155,6 +157,11 @@ def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
             lever_column=lever,
             constants=constants,
         )
+
+
+def _baselines(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+    for one in recorded.sensed.baselines:
+        yield BaselineVector(**one._asdict(), constants=constants)
 
 
 def _columns(constants: Constants, name: str, number: IntArray, size: int) -> IntArray:

@@ -235,7 +235,9 @@ def _recorded(
         float_stretch=stage.float_arcs.stretch,
         shape=shape_at(start.phases, start.form, track.t_s, start.valid, requested, names),
         antennas=names,
-        position=None if track.antenna.phases else track.antenna.position,
+        positions=()
+        if track.antenna.phases
+        else tuple(series for _, series in track.antenna.positions),
         velocities=tuple(series for _, series in track.antenna.velocities),
         sensed=sensed,
         gravity_n_mps2=track.gravity_n_mps2,
@@ -267,12 +269,17 @@ def _gaps(stage: Aligned, track: Tracked, sensed: Sensed) -> tuple[str, ...]:
     notes = [*gap_notes("inertial samples", stage.record.gaps_s)]
     notes += gap_notes("attitude of single epochs", spans(t_s, ~stage.start.valid))
     for what, measured in (
-        ("position", () if antenna.position is None else (antenna.position,)),
-        ("velocity", tuple(series for _, series in antenna.velocities)),
+        ("position", antenna.positions),
+        ("velocity", antenna.velocities),
     ):
         if measured:
-            missing = ~np.any([series.valid for series in measured], axis=0)
+            missing = ~np.any([series.valid for _, series in measured], axis=0)
             notes += gap_notes(what, spans(t_s, missing))
+    if sensed.baselines:
+        missing = np.ones(len(t_s), dtype=np.bool_)
+        for one in sensed.baselines:
+            missing[one.row] = False
+        notes += gap_notes("baseline", spans(t_s, missing))
     if sensed.sight is not None:
         notes += gap_notes("line of sight", spans(t_s, np.isnan(sensed.sight.e_b[:, 0])))
     return tuple(notes)

@@ -1,6 +1,7 @@
 """The two stages before a smoothing problem: attitudes at keyframes, then the antenna's motion."""
 
 from dataclasses import replace
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from fgnav.frontend.gaps import (
     keyframe_times,
     time_from_attitude_s,
 )
+from fgnav.frontend.matching import SAME_S, nearest
 from fgnav.frontend.position.antenna_motion import AntennaMotion, antenna_motion
 from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.position.gate import InertialTrack, gated
@@ -113,17 +115,29 @@ def aligned(
         epochs = of_arrays(flight, by.array)
     else:
         epochs = without_array(flight, down)
-    start, count, losses = chosen_keyframes(record.imu, epochs)
+    start, count, losses = chosen_keyframes(record.imu, epochs, measured_times_s(flight))
     losses = (*faulty, *losses)
     start, float_arcs = _float_arcs(start, settings, requested)
     rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
     return Aligned(record, down, start, float_arcs, rates, count, losses, by)
 
 
+def measured_times_s(flight: Flight) -> FloatArray:
+    """Return times of what receivers solve beside the track: further fixes, and baselines."""
+    further = flight.fixes[1:] if flight.observations is None else ()
+    times = [one.t_s for one in further] + [one.t_s for one in flight.baselines]
+    return np.unique(np.concatenate([np.empty(0), *times]))
+
+
 def chosen_keyframes(
-    imu: Imu, epochs: Alignment, *, causal: bool = False, earlier: EarlierMotion | None = None
+    imu: Imu,
+    epochs: Alignment,
+    also_s: FloatArray,
+    *,
+    causal: bool = False,
+    earlier: EarlierMotion | None = None,
 ) -> tuple[Alignment, int, tuple[Loss, ...]]:
-    """Choose epochs, and times between them, as keyframes; count the rest with their reasons.
+    """Choose epochs, times between them and others as keyframes; count the rest with reasons.
 
     Causal: times between them do not depend on the next, and go on after the last.
     """
@@ -139,7 +153,7 @@ def chosen_keyframes(
     times_s = keyframe_times(
         epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
     )
-    times_s = _from_first_epoch(times_s, epochs.t_s, float(imu.t_s[0]))
+    times_s = _from_first_epoch(_with_times(times_s, also_s), epochs.t_s, float(imu.t_s[0]))
     start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
@@ -164,6 +178,13 @@ def chosen_keyframes(
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
+
+
+def _with_times(times_s: FloatArray, also_s: FloatArray) -> FloatArray:
+    """Return times, (n,), and others that are none of them, each once."""
+    _, same = nearest(times_s, also_s)
+    new_s = also_s[~same]
+    return np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
 
 
 def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:
@@ -219,26 +240,25 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
-    tested = [
-        gated(inertial, (None if antenna.phases or k else position, series), name)
-        for k, (name, series) in enumerate(antenna.velocities)
-    ]
-    if not (antenna.velocities or antenna.phases):
-        tested = [gated(inertial, (position, None), "fixes")]
-    names = [name for name, _ in antenna.velocities]
-    velocities = zip(names, [one.velocity for one in tested], strict=False)
-    antenna = replace(
-        antenna,
-        position=position if antenna.phases else tested[0].position,
-        velocities=tuple((name, one) for name, one in velocities if one is not None),
+    positions = {} if antenna.phases else dict(antenna.positions)
+    velocities = dict(antenna.velocities)
+    tested = {
+        name: gated(inertial, (positions.get(name), velocities.get(name)), name)
+        for name in dict.fromkeys((*positions, *velocities))
+    }
+    placed, moved = (
+        tuple((name, one) for name, gate in tested.items() if (one := part(gate)) is not None)
+        for part in (attrgetter("position"), attrgetter("velocity"))
     )
+    positions_left = antenna.positions if antenna.phases else placed
+    antenna = replace(antenna, positions=positions_left, velocities=moved)
     return Tracked(
         t_s,
         antenna,
         places_n_m,
         gravity_n_mps2,
-        tuple(one for gate in tested for one in gate.rejections),
-        tuple(one for gate in tested for one in gate.losses),
+        tuple(one for gate in tested.values() for one in gate.rejections),
+        tuple(one for gate in tested.values() for one in gate.losses),
     )
 
 

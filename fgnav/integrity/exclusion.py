@@ -13,28 +13,28 @@ References
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.types.estimate import Estimate, Rejected, Verdict
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Fixes, Flight
+from fgnav.types.instruments import Samples
 
 _TRIALS = 2  # each takes as long as the flight
 _MARGIN_S = 1.0  # blocks are a second long: what spoils one may reach into the next
 _THROUGHOUT = 0.5  # share of a record
 _WEIGHTLESS = 1e3  # on a standard deviation
-# Fields of a flight by the name of their measurement.
+# Kinds of records by the name of their measurement.
 INSTRUMENTS = {
+    "baseline": "baseline",
     "line of sight": "seeker",
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
 }
 _SET_UP = ("lever arm", "velocity latency")
 _OBSERVED = {"velocity": "doppler_hz", "array phases": "phase_cycles", "phase": "phase_cycles"}
-_OF_FIXES = ("p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
-_SAMPLES = ("t_s", "height_m", "field_b_ut", "currents", *_OF_FIXES)
 
 
 class Exclusion(NamedTuple):
@@ -101,18 +101,18 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
         spans = np.array([[one.from_s - _MARGIN_S, one.until_s + _MARGIN_S] for one in own])
         changed = _flight_excluding(flight, sensor, spans)
         if changed is not None:
-            is_gone = sensor in INSTRUMENTS and getattr(changed, INSTRUMENTS[sensor]) is None
+            is_gone = sensor in INSTRUMENTS and not _records(changed, INSTRUMENTS[sensor])
             yield Exclusion(changed, tuple(map(_rejected, own)), tuple(own) if is_gone else ())
-    for name, field in INSTRUMENTS.items():
-        record = getattr(flight, field)
-        if record is not None and name not in sensors and len(record.t_s):
+    for name, kind in INSTRUMENTS.items():
+        times = [one.t_s for one in _records(flight, kind).values() if len(one.t_s)]
+        if times and name not in sensors:
             reason = "without it the other measurements are consistent: left out"
-            span = float(record.t_s[0]), float(record.t_s[-1])
+            span = min(float(t_s[0]) for t_s in times), max(float(t_s[-1]) for t_s in times)
             rejected = Rejected(
                 what=name, link=name, from_s=span[0], until_s=span[1], reason=reason
             )
             verdict = replace(worst[0], sensor=name, from_s=span[0], until_s=span[1])
-            yield Exclusion(_with(flight, {field: None}), (rejected,), (verdict,))
+            yield Exclusion(_without(flight, kind), (rejected,), (verdict,))
 
 
 def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:
@@ -120,22 +120,20 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
 
     An instrument of whose record most is concerned is left out whole; other sensors stay.
     """
-    field, fixes = INSTRUMENTS.get(sensor), flight.fixes
-    if fixes is not None and fixes.velocity_sigma_mps is not None and sensor == "velocity":
-        inside = _inside(fixes.t_s, spans)  # positions stay: velocities without weight instead
-        sigma_mps = fixes.velocity_sigma_mps * np.where(inside, _WEIGHTLESS, 1.0)[:, None]
-        changed = replace(fixes, velocity_sigma_mps=sigma_mps)
-        return None if inside.mean() > _THROUGHOUT else replace(flight, fixes=changed)
-    if field is None and fixes is not None and sensor == "position":
-        field = "fixes"
-    if field is not None:
-        record = getattr(flight, field)
-        inside = _inside(record.t_s, spans)
-        if inside.mean() > _THROUGHOUT:
-            return _with(flight, {field: None}) if sensor in INSTRUMENTS else None
-        values = {name: getattr(record, name, None) for name in _SAMPLES}
-        kept = {name: v[~inside] for name, v in values.items() if v is not None}
-        return _with(flight, {field: replace(record, **kept)})
+    kind = INSTRUMENTS.get(sensor)
+    if kind is None and flight.fixes and sensor in ("position", "velocity"):
+        kind = "fixes"
+    if kind is not None:
+        records = _records(flight, kind)
+        rows = {name: _inside(one.t_s, spans) for name, one in records.items()}
+        if np.concatenate(list(rows.values())).mean() > _THROUGHOUT:
+            return _without(flight, kind) if sensor in INSTRUMENTS else None
+        if sensor == "velocity":  # positions stay
+            return replace(
+                flight, fixes=tuple(_without_velocity(one, spans) for one in flight.fixes)
+            )
+        left = {name: one[~rows[name]] for name, one in records.items()}
+        return flight.with_records({**flight.records, **left})
     observed, observations = _OBSERVED.get(sensor), flight.observations
     if observed is None or observations is None:
         return None
@@ -147,8 +145,22 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
     return replace(flight, observations=replace(observations, **{observed: values}))
 
 
-def _with(flight: Flight, fields: dict[str, Any]) -> Flight:
-    return replace(flight, **fields)
+def _records(flight: Flight, kind: str) -> dict[str, Samples]:
+    return {name: one for name, one in flight.records.items() if name.split()[0] == kind}
+
+
+def _without(flight: Flight, kind: str) -> Flight:
+    gone = _records(flight, kind)
+    return flight.with_records({n: one for n, one in flight.records.items() if n not in gone})
+
+
+def _without_velocity(fixes: Fixes, spans: FloatArray) -> Fixes:
+    """Return fixes whose velocities have no weight in spans."""
+    sigma = fixes.velocity_sigma_mps
+    if sigma is None:
+        return fixes
+    weightless = np.where(_inside(fixes.t_s, spans), _WEIGHTLESS, 1.0)
+    return replace(fixes, velocity_sigma_mps=sigma * weightless[:, None])
 
 
 def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:

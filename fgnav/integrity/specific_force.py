@@ -23,7 +23,7 @@ _LONGEST_S = 2.0  # between fixes: over more, forces vary
 
 def force_innovations(flight: Flight) -> InnovationSeries | None:
     """Return the normalised innovations of specific force; None without velocities or samples."""
-    imu, fixes = flight.imu, flight.fixes
+    imu, fixes = flight.imu, flight.first_fixes
     if imu is None or len(imu.t_s) < 2:
         return None
     try:

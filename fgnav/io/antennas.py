@@ -1,13 +1,13 @@
 """Several receivers' observations on one set of epochs and channels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
-from fgnav.io.signal_choice import same_signal
+from fgnav.io.rinex.signals import same_signal
 from fgnav.types.observations import Observations
 
 _GRID_S = 1e-3  # nominal intervals are whole milliseconds
@@ -116,39 +116,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         cn0_dbhz=cn0_dbhz,
         lock_flags=lock_flags,
         losses=tuple(losses),
-    )
-
-
-def chosen(observations: Observations, signals: Mapping[str, Sequence[str]]) -> Observations:
-    """Return the observations of the signals wanted, by constellation letter; count the others.
-
-    Raises
-    ------
-    BadInputError
-        If a signal was not observed; the text names those that were.
-    """
-    pairs = zip(observations.satellites, observations.signals, strict=True)
-    have = [(satellite[0], signal) for satellite, signal in pairs]
-    wanted = {(letter, same_signal(letter, s)) for letter, names in signals.items() for s in names}
-    alike = [(letter, same_signal(letter, signal)) for letter, signal in have]
-    for letter, signal in sorted(wanted - set(alike)):
-        observed = ", ".join(sorted({f"{a} {b}" for a, b in have}))
-        raise BadInputError(
-            f"key gnss.signals: no {letter} signal {signal[:2]} was observed; there are {observed}"
-        )
-    keep = np.array([pair in wanted for pair in alike], dtype=bool)
-    dropped = int(np.isfinite(observations.code_m[..., ~keep]).sum())
-    lost = Loss(what="observation", reason="signal not in gnss.signals", count=dropped)
-    return replace(
-        observations,
-        satellites=tuple(np.array(observations.satellites)[keep]),
-        signals=tuple(np.array(observations.signals)[keep]),
-        code_m=observations.code_m[..., keep],
-        phase_cycles=observations.phase_cycles[..., keep],
-        doppler_hz=observations.doppler_hz[..., keep],
-        cn0_dbhz=observations.cn0_dbhz[..., keep],
-        lock_flags=observations.lock_flags[..., keep],
-        losses=(*observations.losses, *([lost] if dropped else [])),
     )
 
 

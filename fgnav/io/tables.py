@@ -1,5 +1,6 @@
 """Time series as CSV: one header line of column names, then numbers; strict both ways."""
 
+import re
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,7 +13,7 @@ from fgnav.io.user_files import read_bytes
 
 _ROWS_AT_ONCE = 20_000
 _LONGEST_HEAD = 4096  # bytes; a line without an end is no list of columns
-_CR, _LF, _TAB, _DELETE = 13, 10, 9, 127
+_NO_NUMBER = re.compile(rb"[^\t\n\x20-\x7e]")  # characters that no row holds
 
 
 def read_table(
@@ -47,10 +48,7 @@ def read_table(
     _check_names(path, names, required, optional)
     if not body.strip():
         raise BadInputError(f"{path}: must hold a row below the column names, has none")
-    _check_characters(path, body)
-    body = body.replace(b"\r\n", b"\n")
-    _check_widths(path, body, len(names))
-    values = _parse(path, body, names)
+    values = _parse(path, body.replace(b"\r\n", b"\n"), names)
     column = names.index(increasing)
     backwards = np.diff(values[:, column]) <= 0
     if backwards.any():
@@ -80,20 +78,6 @@ def _head(path: Path, content: bytes) -> tuple[list[str], bytes]:
     return [name.strip(" ") for name in head.split(",")], content[size + 1 :]
 
 
-def _check_characters(path: Path, body: bytes) -> None:
-    """Raise at a control character, or one that is no ASCII: no number holds any."""
-    text = np.frombuffer(body, np.uint8)
-    wrong = ((text < 32) & (text != _LF) & (text != _TAB)) | (text >= _DELETE)
-    wrong[:-1] &= ~((text[:-1] == _CR) & (text[1:] == _LF))
-    if wrong.any():
-        at = int(np.argmax(wrong))
-        line = body.count(b"\n", 0, at) + 2
-        raise BadInputError(
-            f"{path}: line {line}: must hold numbers and commas, got byte 0x{text[at]:02x}; "
-            "take the file again"
-        )
-
-
 def _check_names(
     path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[Sequence[str]]
 ) -> None:
@@ -112,46 +96,42 @@ def _check_names(
         raise BadInputError(f"{path}: line 1: column {missing[0]!r} is missing")
 
 
-def _check_widths(path: Path, body: bytes, width: int) -> None:
-    """Raise unless every line has as many columns as the first."""
-    text = np.frombuffer(body, np.uint8)
-    ends = np.flatnonzero(text == ord("\n"))
-    commas = np.searchsorted(np.flatnonzero(text == ord(",")), ends)
-    columns = np.diff(commas, prepend=0) + 1
-    blank = np.diff(ends, prepend=-1) == 1
-    wrong = (columns != width) | blank
-    if wrong.any():
-        k = int(np.argmax(wrong))
-        got = 0 if blank[k] else columns[k]
-        raise BadInputError(f"{path}: line {k + 2}: must have {width} columns, got {got}")
-
-
 def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
     """Return the numbers, (k, columns)."""
-    lines = body.decode("ascii").splitlines()  # no other line end is left
+    wrong = _NO_NUMBER.search(body)
+    if wrong is not None:
+        line = body.count(b"\n", 0, wrong.start()) + 2
+        raise BadInputError(
+            f"{path}: line {line}: must hold numbers and commas, got byte 0x{wrong[0][0]:02x}; "
+            "take the file again"
+        )
+    lines = body.decode("ascii").split("\n")[:-1]
     try:
         values = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
     except ValueError:
-        k, name, got = _first_not_number(lines, names)
-        raise BadInputError(
-            f"{path}: line {k + 2}: {name} must be a number, got {quoted(got.strip())}"
-        ) from None
+        values = np.zeros((0, 0))
+    if values.shape != (len(lines), len(names)):
+        raise BadInputError(f"{path}: {_fault(lines, names)}") from None
     most = np.array([largest(name) for name in names])
-    wrong = ~(np.abs(values) <= most)
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0]
+    beyond = ~(np.abs(values) <= most)
+    if beyond.any():
+        row, column = np.argwhere(beyond)[0]
         got_value, name = values[row, column], names[column]
         rule = "finite" if not np.isfinite(got_value) else f"within {most[column]:g} of 0"
         raise BadInputError(f"{path}: line {row + 2}: {name} must be {rule}, got {got_value:.9g}")
     return values
 
 
-def _first_not_number(lines: Sequence[str], names: Sequence[str]) -> tuple[int, str, str]:
-    for k, line in enumerate(lines):
-        for name, field in zip(names, line.split(","), strict=True):
-            if not is_number(field.replace("_", "x")):
-                return k, name, field
-    return 0, names[0], lines[0]
+def _fault(lines: Sequence[str], names: Sequence[str]) -> str:
+    """Return the first line that is no row of numbers, and why."""
+    for number, line in enumerate(lines, 2):
+        cells = line.split(",") if line else []
+        if len(cells) != len(names):
+            return f"line {number}: must have {len(names)} columns, got {len(cells)}"
+        for name, cell in zip(names, cells, strict=True):
+            if not is_number(cell) or "_" in cell:
+                return f"line {number}: {name} must be a number, got {quoted(cell.strip())}"
+    return "must hold numbers and commas"
 
 
 def is_number(text: str | bytes) -> bool:

@@ -4,21 +4,26 @@ Regular files only: a pipe or a device may never end. At most ``FGNAV_MAX_BYTES`
 unpacked.
 """
 
+import bz2
 import codecs
 import gzip
+import lzma
 import os
+import re
 import stat
 import zlib
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
+from zipfile import BadZipFile, ZipFile
 
 from fgnav.checks import BadInputError
 
 LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 # RINEX, SP3 and CSV shrink 3 to 20 times (the recordings in use: 3.3 to 13); a bomb 1,000 times.
 _MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
-GZIP = b"\x1f\x8b"
+PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x1f\x9d": "compress"}
+PACKED[b"PK\x03\x04"] = "zip"
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -52,7 +57,8 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
     most : int or None
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
     is_text : bool
-        Whether it has to be text, or that packed by gzip: holes of sparse files are not read.
+        Whether it has to be text, which is unpacked where it is packed: holes of sparse files are
+        not read.
 
     Raises
     ------
@@ -72,7 +78,8 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
             if is_text and status.st_size > _PIECE_BYTES:
                 _refuse_holes(path, file)
             # What the kernel makes up (/proc) states no size: nothing is read of it.
-            return file.read(status.st_size)
+            content = file.read(status.st_size)
+            return unpacked(path, content) if is_text else content
     except FileNotFoundError as error:
         raise BadInputError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -112,7 +119,7 @@ def _refuse_holes(path: Path, file: BinaryIO) -> None:
     """
     begun, hole = 0, b"\0"
     while piece := file.read(_PIECE_BYTES):
-        if not begun and piece.startswith(GZIP):
+        if not begun and piece.startswith(tuple(PACKED)):
             hole = bytes(_PIECE_BYTES)
         at = piece.find(hole)
         if at >= 0:
@@ -124,27 +131,50 @@ def _refuse_holes(path: Path, file: BinaryIO) -> None:
     file.seek(0)
 
 
-def gunzipped(path: Path, content: bytes) -> bytes:
-    """Return what a gzip file holds, unpacked piece by piece.
+def unpacked(path: Path, content: bytes) -> bytes:
+    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is.
 
     Raises
     ------
     BadInputError
         If it is damaged, or unpacks to more than allowed or than any text would.
     """
+    kind = next((name for magic, name in PACKED.items() if content.startswith(magic)), None)
+    if kind is None:
+        return content
     limit = min(max_bytes(), max(_PIECE_BYTES, _MOST_UNPACKED * len(content)))
-    pieces: list[bytes] = []
-    total = 0
     try:
-        with gzip.GzipFile(fileobj=BytesIO(content)) as file:
-            while piece := file.read(_PIECE_BYTES):
-                total += len(piece)
-                if total > limit:
-                    raise _too_large(path, "unpacks to more", limit)
-                pieces.append(piece)
-    except (EOFError, OSError, zlib.error) as error:
-        raise BadInputError(f"{path}: damaged gzip file, {error}; fetch it again") from error
-    return b"".join(pieces)
+        with _opened(kind, content) as file:
+            plain = file.read(limit + 1)
+    except (EOFError, OSError, ValueError, zlib.error, lzma.LZMAError, BadZipFile) as error:
+        raise BadInputError(f"{path}: damaged {kind} file, {error}; fetch it again") from error
+    if len(plain) > limit:
+        raise _too_large(path, "unpacks to more", limit)
+    return plain
+
+
+def plain_name(name: str) -> str:
+    """Return a file's name without the suffix of its packing."""
+    return re.sub(r"\.(?:gz|bz2|xz|zip|Z)$", "", name)
+
+
+def _opened(kind: str, content: bytes) -> BinaryIO:
+    """Return a stream of what packed bytes hold."""
+    if kind == "gzip":
+        return gzip.GzipFile(fileobj=BytesIO(content))  # type: ignore[return-value]
+    if kind == "bzip2":
+        return bz2.BZ2File(BytesIO(content))  # type: ignore[return-value]
+    if kind == "xz":
+        return lzma.LZMAFile(BytesIO(content))  # type: ignore[return-value]
+    if kind == "zip":
+        archive = ZipFile(BytesIO(content))
+        names = archive.namelist()
+        if len(names) != 1:
+            raise ValueError(f"it holds {len(names)} files, not one")
+        return archive.open(names[0])  # type: ignore[return-value]
+    from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
+
+    return BytesIO(decompress(content))
 
 
 def _too_large(path: Path, what: str, limit: int) -> BadInputError:

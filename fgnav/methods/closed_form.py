@@ -64,10 +64,10 @@ class _Epochs(NamedTuple):
 class ClosedForm:
     """Attitude of each epoch from unit vectors in two frames (Eqs. 18-32) [1]_.
 
-    The vectors are the array's baselines, gravity and the line of sight to the landmark, whichever
-    an epoch has, stacked (section 4.5). Gravity is that of an estimator or a network where one
-    answers, else the specific force by accelerometer and velocities. A flight without an array that
-    leaves an angle open takes the velocity, too (Eqs. 21-23).
+    The vectors are baselines of the array and of receivers, gravity and the line of sight to the
+    landmark, whichever an epoch has, stacked (section 4.5). Gravity is that of an estimator or a
+    network where one answers, else the specific force by accelerometer and velocities. A flight
+    without baselines that leaves an angle open takes the velocity, too (Eqs. 21-23).
 
     The covariance is that of the vectors to first order, with integers as right; there is none
     where the velocity takes part, whose sideslip has no stated variance.
@@ -132,7 +132,9 @@ class ClosedForm:
             R_nb=R_nb,
             attitude_covariance_rad2=None if nose[keep].any() else covariance[keep],
             p_n_m=motion.p_n_m,
+            position_covariance_m2=motion.position_covariance_m2,
             v_n_mps=motion.v_n_mps,
+            velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=_unobservable(array, used) if rank == 1 else (),
             integers=None if array is None else array.integers,
             losses=(*losses, *lost),
@@ -240,7 +242,8 @@ def _kinds(pairs: VectorPairs) -> NDArray[np.str_]:
 
 def _recorded(flight: Flight) -> int:
     """Return the number of epochs of raw data, or else of fixes."""
-    return next(len(one.t_s) for one in (flight.observations, flight.fixes) if one is not None)
+    records = (flight.observations, flight.first_fixes)
+    return next(len(one.t_s) for one in records if one is not None)
 
 
 def _motion(
@@ -263,7 +266,7 @@ def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, .
     """Return the names of what vectors on one line leave open."""
     if array is not None and _BASELINE in used:
         return (axis_name(array.differences.baselines_b_m),)
-    return tuple(_OPEN_ABOUT[kind] for kind in used)
+    return tuple(_OPEN_ABOUT.get(kind, f"rotation about the {kind}") for kind in used)
 
 
 def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:

@@ -55,7 +55,7 @@ def of_flight(flight: Flight) -> dict[str, Record]:
 
     Velocities are those of the fixes, or else of the reference antenna by Doppler.
     """
-    imu, fixes, found = flight.imu, flight.fixes, {}
+    imu, fixes, found = flight.imu, flight.first_fixes, {}
     if imu is not None:
         found["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
         if imu.w_b_radps is not None:
@@ -83,8 +83,8 @@ def _by_doppler(flight: Flight) -> dict[str, Record]:
         return {}
     if code.v_n_mps is None:
         return {}
-    known = np.isfinite(code.v_n_mps).all(axis=1)
-    return {"velocity": _record("velocity", code.t_s[known], code.v_n_mps[known])}
+    finite = np.isfinite(code.v_n_mps).all(axis=1)
+    return {"velocity": _record("velocity", code.t_s[finite], code.v_n_mps[finite])}
 
 
 def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.stream.Measurements

@@ -261,15 +261,15 @@ def _posterior(
     """Return the most probable noise of a problem; the search begins at theta by component."""
     problem, keyframes = decimated(prepared.problem)
     requested = [one.kind for one in settings.calibration]
-    fixes = flight.fixes if flight.observations is None else None
-    has_velocities = fixes is not None and fixes.v_n_mps is not None
+    fixes = flight.fixes if flight.observations is None else ()
+    has_velocities = any(one.v_n_mps is not None for one in fixes)
     wanted = (LATENCY, LEVER_ARM) if has_velocities else (LEVER_ARM,)
     kinds = tuple(one for one in wanted if one not in requested)
     problem = with_latency_and_lever_arm(problem, prepared.timed.at(keyframes), kinds)
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         problem = with_clock(problem)
     standstill = None
-    if prepared.rest is not None and fixes is not None:
+    if prepared.rest is not None and fixes:
         rest = prepared.rest
         standstill = Standstill(rest.contains(problem.t_s), rest.share(problem.t_s))
     components = NoiseComponents.of(problem, scalable(flight), standstill)

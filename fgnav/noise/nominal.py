@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.noise.components import AT_REST, INSTRUMENTS
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Fixes, Flight, Imu
 
 # Fields of ``Imu`` by component.
 FIELDS = {
@@ -22,7 +22,7 @@ def scalable(flight: Flight) -> tuple[str, ...]:
     Positions by phase follow the noise of phases, which single epochs determine.
     """
     gnss = ("velocity",) if flight.observations is not None else ("position", "velocity")
-    return (*gnss, *INSTRUMENTS)
+    return (*gnss, "baseline", *INSTRUMENTS)
 
 
 def unstated(flight: Flight) -> tuple[str, ...]:
@@ -32,25 +32,37 @@ def unstated(flight: Flight) -> tuple[str, ...]:
         names += tuple(part for part, name in FIELDS.items() if name in flight.imu.unstated)
     if flight.observations is not None:
         return (*names, "velocity") if "doppler_mps" in flight.gnss_noise.unstated else names
-    return names + (() if flight.fixes is None else flight.fixes.unstated)
+    of_receivers = (*(one.unstated for one in flight.fixes),)
+    of_receivers += (*(one.unstated for one in flight.baselines),)
+    return names + tuple(dict.fromkeys(name for part in of_receivers for name in part))
 
 
 def with_factors(flight: Flight, factors: Mapping[str, float]) -> Flight:
     """Return a flight with standard deviations multiplied by factors of components."""
     imu, fixes, noise = flight.imu, flight.fixes, flight.gnss_noise
-    position, velocity = (factors.get(name, 1.0) for name in ("position", "velocity"))
+    position, velocity, baseline = (
+        factors.get(name, 1.0) for name in ("position", "velocity", "baseline")
+    )
     if imu is not None:
         imu = _scaled(imu, factors)
     if flight.observations is not None:
         noise = replace(noise, doppler_mps=noise.doppler_mps * velocity)
-    elif fixes is not None:
-        sigma = fixes.velocity_sigma_mps
-        fixes = replace(
-            fixes,
-            position_sigma_m=fixes.position_sigma_m * position,
-            velocity_sigma_mps=None if sigma is None else sigma * velocity,
-        )
-    return replace(_instruments(flight, factors), imu=imu, gnss_noise=noise, fixes=fixes)
+    else:
+        fixes = tuple(_fixes(one, position, velocity) for one in fixes)
+    baselines = tuple(
+        replace(one, covariance_m2=one.covariance_m2 * baseline**2) for one in flight.baselines
+    )
+    changed = replace(flight, imu=imu, gnss_noise=noise, fixes=fixes, baselines=baselines)
+    return _instruments(changed, factors)
+
+
+def _fixes(fixes: Fixes, position: float, velocity: float) -> Fixes:
+    sigma = fixes.velocity_sigma_mps
+    return replace(
+        fixes,
+        position_sigma_m=fixes.position_sigma_m * position,
+        velocity_sigma_mps=None if sigma is None else sigma * velocity,
+    )
 
 
 def with_standstill(settings: ProblemSettings, factors: Mapping[str, float]) -> ProblemSettings:

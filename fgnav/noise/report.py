@@ -20,6 +20,7 @@ _NAMES = {
     "gyroscope bias": "Gyroscope bias random walk",
     "position": "Noise of fixed positions",
     "velocity": "Noise of velocities",
+    "baseline": "Noise of baselines",
     "barometric height": "Barometer noise",
     "line of sight": "Line-of-sight noise",
     "magnetic field": "Magnetometer noise",

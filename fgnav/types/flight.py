@@ -1,16 +1,18 @@
 """The border type of the project: what was measured on a flight, before any estimator sees it."""
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
-from fgnav.types.instruments import Antenna, ElevationWeights, Fixes, GnssNoise, Imu, Seeker
+from fgnav.types.instruments import Antenna, ElevationWeights, GnssNoise, Imu, Samples, Seeker
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav.types.receiver import Baseline, Fixes
 from fgnav.types.summaries import summary, summary_html
 from fgnav.types.surroundings import Barometer, Magnetometer
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
@@ -18,6 +20,7 @@ from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 __all__ = [
     "Antenna",
     "Base",
+    "Baseline",
     "ElevationWeights",
     "Fixes",
     "Flight",
@@ -131,12 +134,12 @@ class LinkIntegers:
 
 
 TruthSource: TypeAlias = Literal["simulated", "survey", "filter"]
-SENSORS = ("imu", "fixes", "seeker", "barometer", "magnetometer")  # fields of a flight
+_SINGLE = ("imu", "seeker", "barometer", "magnetometer", "truth")  # records of one instrument
 TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Truth:
+class Truth(Samples):
     """What really happened, of a simulated flight; or a reference taken as such.
 
     Attributes
@@ -153,6 +156,7 @@ class Truth:
         1-sigma of its own errors where it states them: north, east, down; roll, pitch, yaw.
     """
 
+    columns: ClassVar = ("t_s", "p_n_m", "v_n_mps", "R_nb", *TRUTH_SIGMAS)
     t_s: FloatArray
     p_n_m: FloatArray
     v_n_mps: FloatArray
@@ -197,7 +201,11 @@ class Flight:
         Satellites below are not used.
     gnss_noise : GnssNoise
     base : Base or None
-    imu, fixes, seeker, barometer, magnetometer, truth : their types, or None
+    fixes : tuple of Fixes
+        Of receivers, each of another antenna; the first one's track starts an estimate.
+    baselines : tuple of Baseline
+        From antenna to antenna, by receivers.
+    imu, seeker, barometer, magnetometer, truth : their types, or None
     vehicle : WheeledVehicle, FinnedVehicle or None
         What it may be taken to do.
     standstill : bool
@@ -213,8 +221,8 @@ class Flight:
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> flight.name, flight.imu.f_b_mps2.shape[1], flight.fixes is None
-    ('demo', 3, True)
+    >>> flight.name, flight.imu.f_b_mps2.shape[1], len(flight.fixes)
+    ('demo', 3, 0)
     """
 
     name: str
@@ -228,7 +236,8 @@ class Flight:
     gnss_noise: GnssNoise = field(default_factory=GnssNoise)
     base: Base | None = None
     imu: Imu | None = None
-    fixes: Fixes | None = None
+    fixes: tuple[Fixes, ...] = ()
+    baselines: tuple[Baseline, ...] = ()
     seeker: Seeker | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
@@ -253,13 +262,27 @@ class Flight:
                 )
             if self.broadcast is None and self.precise is None:
                 raise BadInputError("gnss: observations need navigation or orbits files")
-        if self.fixes is not None and self.fixes.antenna not in names:
-            raise BadInputError(f"fixes antenna: {self.fixes.antenna!r} is not one of {names}")
+        self._check_receivers(names)
         if not 0 <= self.elevation_mask_rad < np.pi / 2:
             raise BadInputError(
                 "elevation_mask_deg: must be within 0 and 90, "
                 f"got {np.degrees(self.elevation_mask_rad):g}"
             )
+
+    def _check_receivers(self, names: list[str]) -> None:
+        """Raise unless receivers speak of antennas that the flight has, each of its own."""
+        used = [("fixes antenna", one.antenna) for one in self.fixes]
+        used += [("baseline antennas", name) for one in self.baselines for name in one.antennas]
+        for key, name in used:
+            if name not in names:
+                raise BadInputError(f"{key}: {name!r} is not one of {names}")
+        records = [f"fixes of antenna {one.antenna}" for one in self.fixes]
+        records += [f"baseline {' to '.join(one.antennas)}" for one in self.baselines]
+        for record in records:
+            if records.count(record) > 1:
+                raise BadInputError(
+                    f"{record}: given twice; name another antenna at the same place"
+                )
 
     def __repr__(self) -> str:
         """Return five lines: where it is, what was measured, what is lost."""
@@ -281,3 +304,24 @@ class Flight:
             if antenna.name == name:
                 return antenna
         raise BadInputError(f"antenna {name!r}: not one of {[a.name for a in self.antennas]}")
+
+    @property
+    def first_fixes(self) -> Fixes | None:
+        """Those whose track an estimate starts with; None without any."""
+        return self.fixes[0] if self.fixes else None
+
+    @property
+    def records(self) -> dict[str, Samples]:
+        """What was sampled, by name: ``"imu"``, ``"fixes a1"``, ``"baseline a1 a2"``."""
+        records: dict[str, Samples | None] = {"imu": self.imu}
+        records |= {f"fixes {one.antenna}": one for one in self.fixes}
+        records |= {f"baseline {' '.join(one.antennas)}": one for one in self.baselines}
+        records |= {name: getattr(self, name) for name in _SINGLE[1:]}
+        return {name: one for name, one in records.items() if one is not None}
+
+    def with_records(self, records: Mapping[str, Samples]) -> "Flight":
+        """Return the same with records of these names, and no others."""
+        single = {name: records.get(name) for name in _SINGLE}
+        fixes = tuple(one for one in records.values() if isinstance(one, Fixes))
+        baselines = tuple(one for one in records.values() if isinstance(one, Baseline))
+        return replace(self, fixes=fixes, baselines=baselines, **single)  # type: ignore[arg-type]

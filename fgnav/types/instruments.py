@@ -1,13 +1,42 @@
-"""What stands in a vehicle and what it recorded: antennas, inertial unit, fixes, detector."""
+"""What is in a vehicle and what it recorded: antennas, inertial unit, detector."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, freeze, freeze_times, positive
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
+
+
+class Samples:
+    """A record with a row for each of its times.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (k,)
+    columns : tuple of str
+        Fields that have k rows, ``t_s`` among them; such a field may be None.
+    """
+
+    __slots__ = ()
+    columns: ClassVar[tuple[str, ...]]
+    t_s: FloatArray
+
+    def __getitem__(self, rows: slice | BoolArray) -> Self:
+        """Return some of the samples."""
+        values = {name: getattr(self, name) for name in self.columns}
+        kept = {name: value[rows] for name, value in values.items() if value is not None}
+        return replace(self, **kept)  # type: ignore[type-var]  # all records are dataclasses
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Return records of one sensor, one after the other."""
+    values = {name: [getattr(one, name) for one in parts] for name in parts[0].columns}
+    rows = {name: np.concatenate(of) for name, of in values.items() if of[0] is not None}
+    return replace(parts[0], **rows)  # type: ignore[type-var]  # all records are dataclasses
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -69,7 +98,7 @@ class GnssNoise:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Imu:
+class Imu(Samples):
     """Accelerometer triad, and gyroscope if there is one, at one point of the body.
 
     Attributes
@@ -94,6 +123,7 @@ class Imu:
         Names of noises and walks that the flight does not state: a usual figure stands there.
     """
 
+    columns: ClassVar = ("t_s", "f_b_mps2", "w_b_radps")
     t_s: FloatArray
     f_b_mps2: FloatArray
     w_b_radps: FloatArray | None = None
@@ -128,69 +158,9 @@ class Imu:
         if self.w_b_radps is not None:
             freeze("imu", self, {"w_b_radps": (k, 3)})
 
-    def __getitem__(self, rows: slice | BoolArray) -> "Imu":
-        """Return some of the samples."""
-        w_b_radps = None if self.w_b_radps is None else self.w_b_radps[rows]
-        return replace(self, t_s=self.t_s[rows], f_b_mps2=self.f_b_mps2[rows], w_b_radps=w_b_radps)
-
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Fixes:
-    """A receiver's own solution of one antenna, where raw data are absent.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (k,)
-    antenna : str
-        Name of the antenna it speaks of.
-    p_n_m : ndarray, shape (k, 3)
-    v_n_mps : ndarray, shape (k, 3), or None
-    position_sigma_m : ndarray, shape (k, 3)
-        Standard deviations north, east, down.
-    velocity_sigma_mps : ndarray, shape (k, 3), or None
-    unstated : tuple of str
-        Those of the two sigmas that are a usual figure, not the receiver's.
-    """
-
-    t_s: FloatArray
-    antenna: str
-    p_n_m: FloatArray
-    v_n_mps: FloatArray | None
-    position_sigma_m: FloatArray
-    velocity_sigma_mps: FloatArray | None
-    unstated: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Check and freeze every field."""
-        shape = (freeze_times("fixes", self), 3)
-        freeze("fixes", self, {"position_sigma_m": shape})
-        if not (self.position_sigma_m > 0).all():
-            raise BadInputError("fixes position_sigma_m: must be positive")
-        freeze("fixes", self, {"p_n_m": shape})
-        if (self.v_n_mps is None) != (self.velocity_sigma_mps is None):
-            raise BadInputError("fixes velocity_sigma_mps: goes with velocities, and only then")
-        if self.v_n_mps is not None and self.velocity_sigma_mps is not None:
-            freeze("fixes", self, {"velocity_sigma_mps": shape})
-            if not (self.velocity_sigma_mps > 0).all():
-                raise BadInputError("fixes velocity_sigma_mps: must be positive")
-            freeze("fixes", self, {"v_n_mps": shape})
-
-    def __getitem__(self, rows: slice | BoolArray) -> "Fixes":
-        """Return some of the fixes."""
-        return replace(
-            self,
-            t_s=self.t_s[rows],
-            p_n_m=self.p_n_m[rows],
-            v_n_mps=None if self.v_n_mps is None else self.v_n_mps[rows],
-            position_sigma_m=self.position_sigma_m[rows],
-            velocity_sigma_mps=(
-                None if self.velocity_sigma_mps is None else self.velocity_sigma_mps[rows]
-            ),
-        )
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Seeker:
+class Seeker(Samples):
     """Quadrant photodetector that sees one beacon at a known place.
 
     Attributes
@@ -210,6 +180,7 @@ class Seeker:
         1-sigma of a direction about each of the two axes across it; files do not state it.
     """
 
+    columns: ClassVar = ("t_s", "currents")
     t_s: FloatArray
     currents: FloatArray
     position_b_m: FloatArray

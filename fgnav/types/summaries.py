@@ -30,7 +30,7 @@ def summary_html(part: Any) -> str:  # noqa: ANN401  # one of the three
 
 def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a Flight
     origin, observed = flight.origin, flight.observations
-    sensors = ("imu", "fixes", "seeker", "barometer", "magnetometer", "base", "truth")
+    sensors = [*flight.records, *(["base"] if flight.base is not None else [])]
     gnss = "none"
     if observed is not None:
         epochs, antennas, channels = observed.code_m.shape
@@ -39,7 +39,7 @@ def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a 
     return f"Flight {flight.name!r}", {
         "origin": place,
         "gnss": gnss,
-        "sensors": _list([name for name in sensors if getattr(flight, name) is not None]),
+        "sensors": _list(sensors),
         **({"networks": _list([path.stem for path in flight.networks])} if flight.networks else {}),
         "lost": f"{sum(loss.count for loss in flight.losses)} measurements and files",
     }

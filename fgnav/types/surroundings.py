@@ -1,14 +1,16 @@
 """What instruments say of a vehicle's surroundings: barometric height and the magnetic field."""
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times, positive
+from fgnav.types.instruments import Samples
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Barometer:
+class Barometer(Samples):
     """Height by air pressure, already turned into metres by whatever atmosphere.
 
     Attributes
@@ -27,6 +29,7 @@ class Barometer:
         none.
     """
 
+    columns: ClassVar = ("t_s", "height_m")
     t_s: FloatArray
     height_m: FloatArray
     position_b_m: FloatArray = field(default_factory=lambda: np.zeros(3))
@@ -46,7 +49,7 @@ class Barometer:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Magnetometer:
+class Magnetometer(Samples):
     """The magnetic field in body axes, and what it is where the flight is.
 
     Only its direction is used: the strength would add little, and scale factors spoil it.
@@ -65,6 +68,7 @@ class Magnetometer:
         1-sigma of each axis of the vehicle's own field, which holds for the whole flight.
     """
 
+    columns: ClassVar = ("t_s", "field_b_ut")
     t_s: FloatArray
     field_b_ut: FloatArray
     field_n_ut: FloatArray

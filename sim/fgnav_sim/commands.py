@@ -1,5 +1,6 @@
 """The command ``fgnav simulate``; everything heavy is imported when it runs."""
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -108,8 +109,10 @@ def _summary(made: "Simulated", name: str, seed: int) -> Summary:
         epochs, antennas, channels = flight.observations.code_m.shape
         summary |= {"epochs": epochs, "antennas": antennas, "channels": channels}
         summary["mean_tracked"] = float(flight.observations.tracked[:, 0].sum(axis=1).mean())
-    samples = {"imu": flight.imu, "fixes": flight.fixes, "seeker": flight.seeker}
-    summary |= {f"{k}_samples": len(v.t_s) for k, v in samples.items() if v is not None}
+    counts: Counter[str] = Counter()  # of all receivers together
+    for name, record in flight.records.items():
+        counts[name.split()[0]] += len(record.t_s)
+    summary |= {f"{kind}_samples": n for kind, n in counts.items() if kind != "truth"}
     for loss in flight.losses:
         summary[loss.what] = f"{loss.count} times: {loss.reason}" if loss.count > 1 else loss.reason
     if made.draws:

@@ -13,7 +13,7 @@ from fgnav.geometry.earth import GravityModel, Origin
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
-from fgnav_sim.gnss.tables import ClockTable, GnssTable
+from fgnav_sim.gnss.tables import BaselineTable, ClockTable, GnssTable, check_names
 from fgnav_sim.motion import Motion, Trajectory
 from fgnav_sim.sensors.surroundings_tables import BarometerTable, MagnetometerTable
 from fgnav_sim.vehicle.flown_table import FlownTable
@@ -43,6 +43,7 @@ _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double p
 
 __all__ = [
     "PAPER_ANTENNAS_B_M",
+    "BaselineTable",
     "ClockTable",
     "FixesTable",
     "GnssTable",
@@ -106,8 +107,9 @@ class ImuTable(Table, frozen=True):
 
 
 class FixesTable(Table, frozen=True):
-    """A receiver's own position and velocity of the reference antenna, white noise per axis."""
+    """A receiver's own position and velocity of antennas, white noise per axis."""
 
+    antennas: tuple[str, ...] = ("a1",)  # each with a receiver of its own
     rate_hz: Positive = 1.0
     position_noise_m: Positive = 1.0
     velocity_noise_mps: Positive = 0.05
@@ -192,6 +194,7 @@ class Scenario(Table, frozen=True):
     gnss: GnssTable | None = None
     imu: ImuTable | None = None
     fixes: FixesTable | None = None
+    baseline: BaselineTable | None = None
     seeker: SeekerTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
@@ -204,6 +207,10 @@ class Scenario(Table, frozen=True):
             raise ValueError(f"start: must not lie before {_GPS_EPOCH.isoformat()}")
         if self.gnss is not None:
             self.gnss.check_antennas(len(self.antennas_b_m))
+        if self.fixes is not None:
+            check_names("fixes.antennas", self.fixes.antennas, len(self.antennas_b_m))
+        if self.baseline is not None:
+            check_names("baseline.antennas", self.baseline.antennas, len(self.antennas_b_m))
         if self.flown is not None:
             self._check_flown(self.flown)
 

@@ -14,7 +14,7 @@ from fgnav.types.vehicle import FinnedVehicle
 from fgnav_sim.dispersions import Draw, disperse
 from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
-from fgnav_sim.gnss.fixes import fix
+from fgnav_sim.gnss.fixes import baseline, fix
 from fgnav_sim.gnss.receiver import observe
 from fgnav_sim.gnss.tables import antenna_names
 from fgnav_sim.propagation.message_errors import with_message_errors
@@ -113,6 +113,7 @@ def _sensed(
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
     gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs
+    baseline_rng = barometer_rng.spawn(1)[0]
     gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
@@ -151,7 +152,8 @@ def _sensed(
         gnss_noise=_noise(gnss) if gnss else GnssNoise(),
         base=base,
         imu=sensed,
-        fixes=fix(fixes, real, "a1", rng=fixes_rng) if fixes else None,
+        fixes=tuple(fix(fixes, real, fixes_rng)) if fixes else (),
+        baselines=(baseline(scenario.baseline, real, baseline_rng),) if scenario.baseline else (),
         seeker=watched,
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
@@ -172,11 +174,14 @@ def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
-    """Return the antennas that say something: all with receivers, else that of the fixes."""
-    count = len(scenario.antennas_b_m) if scenario.gnss else int(scenario.fixes is not None)
+    """Return the antennas that a receiver speaks of: all with observations."""
+    names = antenna_names(len(scenario.antennas_b_m))
+    used = {*scenario.fixes.antennas} if scenario.fixes else set()
+    used |= {*scenario.baseline.antennas} if scenario.baseline else set()
     return tuple(
         Antenna(name=name, position_b_m=np.array(lever_b_m))
-        for name, lever_b_m in zip(antenna_names(count), scenario.antennas_b_m[:count], strict=True)
+        for name, lever_b_m in zip(names, scenario.antennas_b_m, strict=True)
+        if scenario.gnss or name in used
     )
 
 
@@ -199,7 +204,7 @@ def _orbits(
 
 def _noise(gnss: GnssTable) -> GnssNoise:
     """Return what estimators are told of a link: its noise and echoes from anywhere together."""
-    echoes, errs = gnss.multipath, gnss.message_errors
+    echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
     rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(
         code_m=math.hypot(gnss.code_noise_m, echoes.code_m if echoes else 0.0),

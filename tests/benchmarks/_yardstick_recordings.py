@@ -45,7 +45,7 @@ def drive(_: Path) -> dict:
     whole, given = car.flight_of(case)
 
     def evaluate(estimate: Estimate) -> dict:
-        off = car.Off.of(estimate, whole.fixes, ~given)
+        off = car.Off.of(estimate, whole.fixes[0], ~given)
         rmse_m = float(np.linalg.norm(off.rms_n_m))
         found = {"rmse": {"position": rmse_m}, "nees": {"position": off.nees}}
         return found | {"figures": constants(estimate)}
@@ -62,9 +62,9 @@ def quadrotor_path(data: Path, path: str) -> dict:
     file = data / "flights" / "quadrotor" / path / "GT.csv"
     table = np.genfromtxt(file, delimiter=",", skip_header=1)
     euler = np.unwrap(np.radians(table[:, [5, 4, 3]]), axis=0)
-    t_s, imu_s = flight.fixes.t_s, flight.imu.t_s
+    t_s, imu_s = flight.fixes[0].t_s, flight.imu.t_s
     withheld = np.arange(len(t_s)) % 2 == 1
-    half = replace(flight, fixes=flight.fixes[~withheld])
+    half = replace(flight, fixes=(flight.fixes[0][~withheld],))
     inner = (t_s > imu_s[0] + MARGIN_S) & (t_s < min(imu_s[-1], t_s[-1]) - MARGIN_S)
 
     def attitude(estimate: Estimate) -> dict:
@@ -77,7 +77,7 @@ def quadrotor_path(data: Path, path: str) -> dict:
         return {"rmse": {"attitude": rms_deg}, "figures": constants(estimate)}
 
     def position(estimate: Estimate) -> dict:
-        return {"nees": {"position": car.Off.of(estimate, flight.fixes, withheld).nees}}
+        return {"nees": {"position": car.Off.of(estimate, flight.fixes[0], withheld).nees}}
 
     more = solved(lambda: Batch().at(half, t_s[withheld & inner]), position)
     kept = {name: more[name] for name in ("nees", "failure") if name in more}

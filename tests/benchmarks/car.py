@@ -39,13 +39,13 @@ ROUNDING_M = 0.011 / np.sqrt(12)  # of the recording's coordinates
 
 def kept(flight: Flight, rows: BoolArray) -> Flight:
     """Return a flight with some of its fixes."""
-    some = {n: getattr(flight.fixes, n)[rows] for n in ROWS}
-    return replace(flight, fixes=replace(flight.fixes, **some))
+    some = {n: getattr(flight.fixes[0], n)[rows] for n in ROWS}
+    return replace(flight, fixes=(replace(flight.fixes[0], **some),))
 
 
 def thinned(flight: Flight, rate_hz: int) -> BoolArray:
     """Return which fixes a receiver of a rate would have given, as a mask (n,)."""
-    per = np.round(flight.fixes.t_s * 4).astype(int)
+    per = np.round(flight.fixes[0].t_s * 4).astype(int)
     return per % (4 // rate_hz) == 0
 
 
@@ -129,7 +129,7 @@ def flight_of(case: str) -> tuple[Flight, BoolArray]:
     if case.startswith("withheld"):
         return whole, thinned(whole, 1)
     if case.startswith("outages"):
-        return whole, ~lost(whole.fixes)
+        return whole, ~lost(whole.fixes[0])
     rate_hz = int(case.split("_")[1].removesuffix("hz")) if "hz" in case else 4
     return whole, thinned(whole, rate_hz)
 
@@ -143,7 +143,7 @@ def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
         flight = replace(flight, vehicle=WheeledVehicle())
     if case.startswith("plain"):
         return method(flight)
-    t_s, imu_s, given_s = whole.fixes.t_s, whole.imu.t_s, flight.fixes.t_s
+    t_s, imu_s, given_s = whole.fixes[0].t_s, whole.imu.t_s, flight.fixes[0].t_s
     first_s = given_s[given_s > imu_s[0]][0]  # no keyframe is before it
     return method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
 
@@ -152,13 +152,12 @@ def _row(case: str) -> dict:
     whole, rows = flight_of(case)
     estimate = solved(case, whole, rows)
     answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
-    note = (
-        f"yaw known to {SURE_DEG:.0f} deg {answered:.3f}; {yaw_less_course(estimate, whole.fixes)}"
-    )
+    course = yaw_less_course(estimate, whole.fixes[0])
+    note = f"yaw known to {SURE_DEG:.0f} deg {answered:.3f}; {course}"
     note += f"; {constants(estimate)}; {' | '.join(estimate.notes)}"
     ours, peer = answered, 0.99
     if not case.startswith("plain"):
-        off = Off.of(estimate, whole.fixes, ~rows)
+        off = Off.of(estimate, whole.fixes[0], ~rows)
         size = np.linalg.norm(off.e_n_m, axis=1).max()
         north, east, down = off.rms_n_m
         note = (

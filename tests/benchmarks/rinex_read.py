@@ -1,4 +1,4 @@
-"""Reading RINEX observations: ours, with checks and child process, against RTKLIB's alone."""
+"""Reading RINEX observations: ours, with checks, against RTKLIB's alone."""
 
 import json
 import os

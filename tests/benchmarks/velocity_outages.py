@@ -65,9 +65,9 @@ def cases(length_s: float, count: int = FLIGHTS, seed: int = SEED) -> Iterator[C
             yield _case(kind, flight, spans, flight.truth.t_s, flight.truth.p_n_m, {})
     if SHARED:
         flight = drive(Path(SHARED) / "data")
-        first = np.arange(40.0, flight.fixes.t_s[-1] - 30.0 - length_s, EVERY_S)
+        first = np.arange(40.0, flight.fixes[0].t_s[-1] - 30.0 - length_s, EVERY_S)
         spans = np.stack([first, first + length_s], axis=1)
-        yield _case("drive", flight, spans, flight.fixes.t_s, flight.fixes.p_n_m, {})
+        yield _case("drive", flight, spans, flight.fixes[0].t_s, flight.fixes[0].p_n_m, {})
         for path, middle_s in (("path_10", 24.0), ("path_15", 20.0)):
             flight = quadrotor(Path(SHARED) / "data", path)
             imu = replace(flight.imu, t_s=flight.imu.t_s + CLOCK_S)
@@ -77,7 +77,7 @@ def cases(length_s: float, count: int = FLIGHTS, seed: int = SEED) -> Iterator[C
                 "accelerometer": resampled(imu.t_s, imu.f_b_mps2, "m/s2"),
                 "gyroscope": resampled(imu.t_s, imu.w_b_radps, "rad/s"),
             }
-            fixes = flight.fixes
+            fixes = flight.fixes[0]
             yield _case("quadrotor", flight, spans, fixes.t_s, fixes.p_n_m, records)
 
 
@@ -89,12 +89,12 @@ def _case(
     p_n_m: FloatArray,
     records: dict[str, Record],
 ) -> Case:
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     kept = np.array([not ((s >= spans[:, 0]) & (s <= spans[:, 1])).any() for s in fixes.t_s])
     rows = {n: getattr(fixes, n)[kept] for n in ROWS if getattr(fixes, n) is not None}
     return Case(
         kind=kind,
-        flight=replace(flight, fixes=replace(fixes, **rows)),
+        flight=replace(flight, fixes=(replace(fixes, **rows),)),
         lost_s=spans,
         judge_s=t_s,
         judge_n_m=p_n_m,

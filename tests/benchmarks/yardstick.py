@@ -144,9 +144,9 @@ def with_fault(flight: Flight, seed: int) -> tuple[Flight, str]:
     """
     for again in count(seed, REDRAWN):
         faulty, fault = dirty(flight, again)
-        if flight.fixes is None:
+        if not flight.fixes:
             break
-        moved_m = faulty.fixes.p_n_m - flight.fixes.p_n_m
+        moved_m = faulty.fixes[0].p_n_m - flight.fixes[0].p_n_m
         if not moved_m.any() or np.ptp(moved_m, axis=0).max() > 1e-6:
             break
     return faulty, fault

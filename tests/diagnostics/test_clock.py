@@ -54,14 +54,14 @@ def test_seconds_of_a_drive_are_named_and_corrected_to_a_tenth(drive, offset_s):
 
 
 def test_a_straight_drive_at_constant_speed_says_that_it_cannot_tell(drive):
-    t_s, fixes = drive.fixes.t_s, drive.fixes
+    t_s, fixes = drive.fixes[0].t_s, drive.fixes[0]
     noise = np.random.default_rng(1).normal(0, 0.05, (len(t_s), 3))
     straight = replace(
         fixes, p_n_m=np.outer(t_s, [10.0, 0, 0]), v_n_mps=noise + np.array([10.0, 0.0, 0.0])
     )
     samples = np.random.default_rng(2).normal(0, 1e-3, (len(drive.imu.t_s), 3))
     imu = replace(drive.imu, f_b_mps2=20 * samples + [0, 0, -9.8], w_b_radps=samples)
-    diagnosis = describe(replace(drive, fixes=straight, imu=imu))
+    diagnosis = describe(replace(drive, fixes=(straight,), imu=imu))
     assert diagnosis.findings == ()
     assert "imu clock" in {one.name for one in diagnosis.unchecked}
 
@@ -88,12 +88,12 @@ def periodic(span_s=120.0):
         w_b_radps=w_b + 0.002 * rng.normal(size=f_b.shape),
     )
     fixes = replace(
-        flight.fixes,
+        flight.fixes[0],
         p_n_m=p_n_m[::10] + 0.02 * rng.normal(size=p_n_m[::10].shape),
         v_n_mps=v_n_mps[::10] + 0.05 * rng.normal(size=p_n_m[::10].shape),
     )
     antennas = (replace(flight.antennas[0], position_b_m=np.zeros(3)),)
-    return replace(flight, imu=imu, fixes=fixes, antennas=antennas)
+    return replace(flight, imu=imu, fixes=(fixes,), antennas=antennas)
 
 
 @pytest.mark.parametrize("offset_s", [0.0, 6.0, 8.0])
@@ -106,7 +106,7 @@ def test_offsets_of_whole_periods_are_not_told_apart(offset_s):
 
 def test_searches_state_their_evidence():
     flight = with_imu(t_s=flown().imu.t_s + 7.3)
-    motion = Motion.from_flight(flight, flight.imu, flight.fixes, None)
+    motion = Motion.from_flight(flight, flight.imu, flight.fixes[0], None)
     searches = clock_searches(motion, motion.integrals_at())
     coarse = coarse_offset(searches)
     assert coarse.by == "course"

@@ -52,13 +52,15 @@ def flown(seed=20_100, span_s=60.0):
             gyroscope_bias_radps=2e-3,
             gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
         ),
-        fixes=Fixes(
-            t_s=t_s[::10],
-            antenna="a1",
-            p_n_m=p,
-            v_n_mps=v + 0.05 * rng.normal(size=v.shape),
-            position_sigma_m=np.full(p.shape, 0.02),
-            velocity_sigma_mps=np.full(v.shape, 0.05),
+        fixes=(
+            Fixes(
+                t_s=t_s[::10],
+                antenna="a1",
+                p_n_m=p,
+                v_n_mps=v + 0.05 * rng.normal(size=v.shape),
+                position_sigma_m=np.full(p.shape, 0.02),
+                velocity_sigma_mps=np.full(v.shape, 0.05),
+            ),
         ),
     )
 
@@ -68,7 +70,7 @@ def with_imu(**change):
 
 
 def with_fixes(**change):
-    return replace(flown(), fixes=replace(flown().fixes, **change))
+    return replace(flown(), fixes=(replace(flown().fixes[0], **change),))
 
 
 def stated(finding, unit="s", word="off"):
@@ -126,10 +128,10 @@ def test_one_reversed_axis_of_the_gyroscope_is_put_right():
 
 def begun(flight, span_s):
     """Return its fixes so far."""
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     rows = fixes.t_s < fixes.t_s[0] + span_s
     names = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
-    return replace(flight, fixes=replace(fixes, **{n: getattr(fixes, n)[rows] for n in names}))
+    return replace(flight, fixes=(replace(fixes, **{n: getattr(fixes, n)[rows] for n in names}),))
 
 
 def test_axes_are_put_right_in_half_a_minute_before_an_estimate_too():
@@ -143,7 +145,7 @@ def test_axes_are_put_right_in_half_a_minute_before_an_estimate_too():
 
 def test_east_for_north_is_named_in_twelve_seconds():
     assert findings(begun(flown(), 12.0), quick=True) == {}
-    exchanged = with_fixes(v_n_mps=flown().fixes.v_n_mps[:, [1, 0, 2]])
+    exchanged = with_fixes(v_n_mps=flown().fixes[0].v_n_mps[:, [1, 0, 2]])
     finding = findings(begun(exchanged, 12.0), quick=True)["fixes velocity"]
     assert "should read ve_mps, vn_mps, vd_mps" in finding.mend
 
@@ -154,7 +156,7 @@ def test_rates_in_degrees_are_named():
 
 
 def test_velocities_in_knots_and_east_for_north_are_named():
-    v = flown().fixes.v_n_mps[:, [1, 0, 2]] * 3600 / 1852
+    v = flown().fixes[0].v_n_mps[:, [1, 0, 2]] * 3600 / 1852
     finding = findings(with_fixes(v_n_mps=v))["fixes velocity"]
     assert "multiply by 0.514444" in finding.mend
     assert "should read ve_mps, vn_mps, vd_mps" in finding.mend
@@ -162,7 +164,7 @@ def test_velocities_in_knots_and_east_for_north_are_named():
 
 
 def test_old_velocities_are_named_and_do_not_move_the_clock():
-    fixes = flown().fixes
+    fixes = flown().fixes[0]
     v = interpolate(fixes.t_s - 0.2, fixes.t_s, fixes.v_n_mps)
     names = findings(with_fixes(v_n_mps=v))
     assert set(names) == {"velocity delay"}
@@ -171,8 +173,8 @@ def test_old_velocities_are_named_and_do_not_move_the_clock():
 
 def test_positions_alone_tell_the_clock():
     late = replace(flown().imu, t_s=flown().imu.t_s - 1.0)
-    fixes = replace(flown().fixes, v_n_mps=None, velocity_sigma_mps=None)
-    finding = findings(replace(flown(), imu=late, fixes=fixes))["imu clock"]
+    fixes = replace(flown().fixes[0], v_n_mps=None, velocity_sigma_mps=None)
+    finding = findings(replace(flown(), imu=late, fixes=(fixes,)))["imu clock"]
     assert within_stated(finding, -1.0)
 
 

@@ -109,7 +109,7 @@ def test_accelerations_without_gravity_are_named_and_right_forces_are_not(kind):
 def test_vibration_is_no_unit():
     flight = right_flight("fixes", 7)
     shaken = np.random.default_rng(0).normal(0.0, 8.0, flight.imu.f_b_mps2.shape)
-    forces = mean_forces(flight.fixes, flight.origin)
+    forces = mean_forces(flight.fixes[0], flight.origin)
     imu = replace(flight.imu, f_b_mps2=flight.imu.f_b_mps2 + shaken)
     assert unit_finding(imu, forces) is None
 
@@ -129,7 +129,7 @@ def test_force_in_g_and_g_twice_are_named_before_any_axis(kind, factor, unit):
 
 
 def magnetic(flight):
-    forces = mean_forces(flight.fixes, flight.origin)
+    forces = mean_forces(flight.fixes[0], flight.origin)
     return magnetometer_finding(flight.magnetometer, flight.imu, forces)
 
 

@@ -8,9 +8,7 @@ import pytest
 import fgnav
 from fgnav.checks import BadInputError, Loss
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.table import comparison_table
 from fgnav.geometry import rotations
-from fgnav.types.estimate import open_angle_variance_rad2
 
 DEG = np.pi / 180
 
@@ -103,30 +101,6 @@ def test_an_epoch_with_a_broken_covariance_is_left_out_of_the_nees_and_counted(f
     assert score.attitude_nees_mean == pytest.approx(1.0)
     reason = "not in the NEES: covariance not positive definite"
     assert Loss(what="epoch", reason=reason, count=1) in score.losses
-
-
-def test_antennas_in_a_line_have_a_nees_of_two(flight, off, true_state):
-    """Their direction errs as stated; the angle about it is any, and so says nothing."""
-    rng = np.random.default_rng(4)
-    t_s = np.arange(0, 10, 0.002)
-    sigma_rad = np.array([0.0, 0.4, 0.1]) * DEG
-    small = rotations.exp(sigma_rad * rng.standard_normal((len(t_s), 3)))
-    about = rotations.exp(rng.uniform(-np.pi, np.pi, (len(t_s), 1)) * [[1.0, 0.0, 0.0]])
-    variance = np.array([open_angle_variance_rad2(), *sigma_rad[1:] ** 2])
-    # In the axes of the estimate, which is rolled by any angle about its line.
-    covariance = rotations.transpose(about) @ (variance[:, None] * np.eye(3)) @ about
-    more = {
-        "R_nb": true_state(t_s).R_nb @ small @ about,
-        "attitude_covariance_rad2": covariance,
-        "unobservable": ("roll",),
-    }
-    comparison = compare(flight, [off("line", t_s=t_s, more=more)])
-    score = comparison["line"].score
-    assert score.attitude_nees_mean is None
-    assert abs(score.line_nees_mean - 2) < 4 * np.sqrt(4 / len(t_s))
-    assert " of 2" in "\n".join(comparison_table(comparison, 200))
-    whole = compare(flight, [off("whole", t_s=t_s, more=more | {"unobservable": ()})])["whole"]
-    assert whole.score.line_nees_mean is None
 
 
 def test_position_and_velocity_are_held_against_their_covariances(flight, off):

@@ -51,13 +51,15 @@ def standing(seed, stands_s=15.0, span_s=45.0, initial=None):
             gyroscope_bias_radps=0.005,
             gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
         ),
-        fixes=Fixes(
-            t_s=t_s[at],
-            antenna="a1",
-            p_n_m=fixes_n_m,
-            v_n_mps=None,
-            position_sigma_m=np.full((len(at), 3), 0.05),
-            velocity_sigma_mps=None,
+        fixes=(
+            Fixes(
+                t_s=t_s[at],
+                antenna="a1",
+                p_n_m=fixes_n_m,
+                v_n_mps=None,
+                position_sigma_m=np.full((len(at), 3), 0.05),
+                velocity_sigma_mps=None,
+            ),
         ),
         truth=Truth(t_s=t_s[at], p_n_m=p_n_m[at], v_n_mps=v_n_mps[at], R_nb=R_nb[at]),
         initial=initial,

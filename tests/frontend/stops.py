@@ -49,13 +49,15 @@ def stops(
             gyroscope_bias_radps=1e-3,
             gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
         ),
-        fixes=Fixes(
-            t_s=t_s[fix],
-            antenna="a1",
-            p_n_m=p[fix] + rng.normal(0, 0.05, (len(fix), 3)),
-            v_n_mps=v[fix] + rng.normal(0, SIGMA_MPS, (len(fix), 3)),
-            position_sigma_m=0.05 * ones,
-            velocity_sigma_mps=SIGMA_MPS * ones,
+        fixes=(
+            Fixes(
+                t_s=t_s[fix],
+                antenna="a1",
+                p_n_m=p[fix] + rng.normal(0, 0.05, (len(fix), 3)),
+                v_n_mps=v[fix] + rng.normal(0, SIGMA_MPS, (len(fix), 3)),
+                position_sigma_m=0.05 * ones,
+                velocity_sigma_mps=SIGMA_MPS * ones,
+            ),
         ),
         initial=InitialAttitude(heading_rad=0.0, heading_sigma_rad=0.02),
         truth=Truth(t_s=t_s, p_n_m=p, v_n_mps=v, R_nb=np.tile(np.eye(3), (len(t_s), 1, 1))),
@@ -65,7 +67,7 @@ def stops(
 
 def measured(flight: Flight, t_s: np.ndarray, *, velocities: bool = True) -> AntennaMotion:
     """Return what fixes say at keyframes, (n,): velocities beside positions, or positions alone."""
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     row = np.searchsorted(t_s, fixes.t_s)
 
     def series(value, sigma):
@@ -75,6 +77,6 @@ def measured(flight: Flight, t_s: np.ndarray, *, velocities: bool = True) -> Ant
 
     speed = series(fixes.v_n_mps, fixes.velocity_sigma_mps)
     return AntennaMotion(
-        position=series(fixes.p_n_m, fixes.position_sigma_m),
+        positions=(("a1", series(fixes.p_n_m, fixes.position_sigma_m)),),
         velocities=(("a1", speed),) if velocities else (),
     )

@@ -65,7 +65,7 @@ def test_gravity_now_and_then_turns_the_others_about_the_specific_force(flight):
 
 def test_gravity_along_specific_force_tells_nothing_of_the_turn_about_it(flight):
     """At rest they are one vector."""
-    still = np.tile(flight.fixes.p_n_m[0], (len(flight.fixes.t_s), 1))
-    fixes = dataclasses.replace(flight.fixes, p_n_m=still, v_n_mps=0 * still)
-    resting = dataclasses.replace(flight, fixes=fixes)
+    still = np.tile(flight.fixes[0].p_n_m[0], (len(flight.fixes[0].t_s), 1))
+    fixes = dataclasses.replace(flight.fixes[0], p_n_m=still, v_n_mps=0 * still)
+    resting = dataclasses.replace(flight, fixes=(fixes,))
     assert vector_attitudes(resting, TrueGravity()(flight)).rough

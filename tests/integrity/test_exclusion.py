@@ -43,8 +43,10 @@ def test_instruments_are_the_first_suspects_and_gnss_is_left_out_by_spans():
     flight = right_flight("instruments", 96_002)
     found = list(exclusions(flight, (verdict("velocity", 3.0, 5.0), verdict("magnetic field"))))
     assert found[0].flight.magnetometer is None
-    inside = (flight.fixes.t_s >= 2.0) & (flight.fixes.t_s <= 6.0)
-    weightless = found[1].flight.fixes.velocity_sigma_mps > 100 * flight.fixes.velocity_sigma_mps
+    inside = (flight.fixes[0].t_s >= 2.0) & (flight.fixes[0].t_s <= 6.0)
+    weightless = (
+        found[1].flight.fixes[0].velocity_sigma_mps > 100 * flight.fixes[0].velocity_sigma_mps
+    )
     np.testing.assert_array_equal(weightless.all(axis=1), inside)
     assert found[2].flight.barometer is None
     assert [[v.sensor for v in one.verdicts] for one in found] == [
@@ -66,8 +68,8 @@ def test_what_contradicts_throughout_and_is_no_instrument_stays():
 
 def test_a_flight_that_stays_inconsistent_keeps_its_estimate_and_its_verdicts():
     flight = right_flight("fixes", 96_004)
-    up = flight.fixes.v_n_mps * [1.0, 1.0, -1.0]
-    wrong = replace(flight, fixes=replace(flight.fixes, v_n_mps=up))
+    up = flight.fixes[0].v_n_mps * [1.0, 1.0, -1.0]
+    wrong = replace(flight, fixes=(replace(flight.fixes[0], v_n_mps=up),))
     estimate = Batch()(wrong)
     assert not estimate.consistent
     assert len(estimate.t_s)

@@ -7,6 +7,7 @@ from fgnav.geometry.rotations import from_euler
 from fgnav.types.flight import (
     Antenna,
     Base,
+    Baseline,
     Fixes,
     Flight,
     GnssNoise,
@@ -69,6 +70,26 @@ def broadcast() -> BroadcastOrbits:
     return BroadcastOrbits(records=records, klobuchar=np.arange(8) * 1e-8)
 
 
+def _baselines(t_s: np.ndarray, rng: np.random.Generator) -> tuple[Baseline, ...]:
+    """Return one of each kind: with its covariance, of angles and their sigmas, and usual ones."""
+    vectors = rng.normal(0, 1, (3, len(t_s), 3))
+    vectors[2, :, 2] = 0.0
+    vectors[1:] /= np.linalg.norm(vectors[1:], axis=2, keepdims=True)
+    root, sigma = rng.normal(0, 0.02, (len(t_s), 3, 3)), rng.uniform(0.001, 0.01, len(t_s))
+    full, even = root @ root.swapaxes(1, 2), sigma[:, None, None] ** 2 * np.eye(3)
+    kinds = zip(
+        (("a1", "base"), ("base", "a1"), ("base", "näs/1")),
+        vectors,
+        (full, even, even),
+        ("vector", "direction", "heading"),
+        strict=True,
+    )
+    return tuple(
+        Baseline(t_s=t_s, antennas=names, vector_n_m=v, covariance_m2=P, measured=measured)
+        for names, v, P, measured in kinds
+    )
+
+
 def whole_flight(rng: np.random.Generator) -> Flight:
     """Return a flight with every optional part."""
     k = 7
@@ -109,14 +130,18 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             gyroscope_bias_radps=1e-3,
             gyroscope_bias_walk_radps_per_sqrt_s=1e-5,
         ),
-        fixes=Fixes(
-            t_s=t_s,
-            antenna="a1",
-            p_n_m=p_n_m,
-            v_n_mps=rng.normal(0, 100, (k, 3)),
-            position_sigma_m=rng.uniform(1, 5, (k, 3)),
-            velocity_sigma_mps=rng.uniform(0.1, 0.2, (k, 3)),
+        fixes=tuple(
+            Fixes(
+                t_s=t_s,
+                antenna=name,
+                p_n_m=p_n_m,
+                v_n_mps=rng.normal(0, 100, (k, 3)),
+                position_sigma_m=rng.uniform(1, 5, (k, 3)),
+                velocity_sigma_mps=rng.uniform(0.1, 0.2, (k, 3)),
+            )
+            for name in ("a1", "näs/1")
         ),
+        baselines=_baselines(t_s, rng),
         seeker=Seeker(
             t_s=t_s,
             currents=currents,

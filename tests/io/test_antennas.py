@@ -7,7 +7,6 @@ import pytest
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.io.antennas import (
-    chosen,
     interval_s,
     merge,
     named_alike,
@@ -127,17 +126,3 @@ def test_signals_tracked_differently_take_the_name_of_the_reference(mine, theirs
 def test_signal_that_the_receiver_has_itself_is_not_renamed():
     both = one([0], ["E01 1C", "E01 1X"])
     assert named_alike(both, one([0], ["E01 1C"])).signals == ("1C", "1X")
-
-
-def test_chosen_signals_are_kept_under_any_name_and_the_others_counted():
-    both = one([0, 1], ["G05 1C", "G05 2W", "E01 1X", "C11 2I"])
-    got = chosen(both, {"G": ["1C"], "E": ["1C"]})
-    assert got.satellites == ("G05", "E01")
-    assert got.signals == ("1C", "1X")
-    np.testing.assert_array_equal(got.code_m[1, 0], [10, 12])
-    assert got.losses[-1] == Loss(what="observation", reason="signal not in gnss.signals", count=4)
-
-
-def test_a_chosen_signal_that_nobody_tracked_is_named():
-    with pytest.raises(BadInputError, match=r"no E signal 1.* was observed; there are G 1C"):
-        chosen(one([0], ["G05 1C"]), {"E": ["1C"]})

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
+from fgnav.geometry.earth import ecef
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import Assembled, assemble
 from fgnav.io.importers.guess import guessed
@@ -28,7 +29,7 @@ def case(shared):
 
 def new(path: Path, scratch: Path) -> Assembled:
     """Return what ``fgnav new`` makes of a file."""
-    name = recognised(path)
+    name, path = recognised(path, scratch)
     settings = Settings(csv=(guessed(path),) if name == "csv" else ())
     return assemble([importer_named(name)(path, settings, scratch)], settings)
 
@@ -48,7 +49,7 @@ def test_encodings_and_decimal_commas_are_spelling(case, tmp_path, name):
 @pytest.mark.parametrize("name", ["fixes_bom", "fixes_eu"])
 def test_fixes_of_a_spreadsheet_are_places(case, tmp_path, name):
     flight = new(case(11) / f"{name}.csv", tmp_path).flight
-    assert len(flight.fixes.t_s) == 150
+    assert len(flight.fixes[0].t_s) == 150
     assert flight.imu is None
     assert np.degrees(flight.origin.latitude_rad) == pytest.approx(40.33, abs=1e-12)
 
@@ -102,7 +103,7 @@ def test_integer_degrees_are_ten_millionths_and_millimetres(case, tmp_path):
     flight = new(case(14) / "time_1e7.csv", tmp_path).flight
     place = [*np.degrees([flight.origin.latitude_rad, flight.origin.longitude_rad])]
     np.testing.assert_allclose([*place, flight.origin.height_m], [40.33, -3.88, 700], rtol=1e-12)
-    np.testing.assert_allclose(flight.fixes.t_s[:2], [0, 0.2], atol=1e-9)
+    np.testing.assert_allclose(flight.fixes[0].t_s[:2], [0, 0.2], atol=1e-9)
 
 
 def test_places_without_names_are_refused(case, tmp_path):
@@ -144,9 +145,9 @@ def test_rates_with_dps_in_their_names_are_degrees(case, tmp_path):
 def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name, start_s, fixes):
     whole = new(case("09") / f"{name}.pos", tmp_path)
     assert whole.flight.start_gps_s == start_s
-    assert len(whole.flight.fixes.t_s) == fixes
+    assert len(whole.flight.fixes[0].t_s) == fixes
     np.testing.assert_allclose(
-        whole.flight.fixes.position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
+        whole.flight.fixes[0].position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
     )
     repeated = {"fixes row: its time does not increase (repeated.pos)": 1}
     text = f"{name}.pos columns Q, ns, sdne(m), sdeu(m), sdun(m), age(s), ratio"
@@ -157,7 +158,7 @@ def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name,
 @pytest.mark.parametrize("name", ["drive.nmea", "drive.ubx"])
 def test_sentences_across_midnight_are_seconds_apart(case, tmp_path, name):
     whole = new(case(10) / name, tmp_path)
-    fixes = whole.flight.fixes
+    (fixes,) = whole.flight.fixes
     assert len(fixes.t_s) == 60
     np.testing.assert_allclose(fixes.t_s, 0.2 * np.arange(60), atol=1e-6)
     # 2024-01-01 is day 1 of GPS week 2295; the first fix is at 23:59:55 UTC.
@@ -199,12 +200,17 @@ def test_poses_beside_a_unit_are_counted(case, tmp_path):
     assert lost(whole) == {text: 50}
 
 
-def test_fixes_of_two_receivers_are_refused_with_what_to_do(case, tmp_path):
+def test_fixes_of_two_receivers_are_those_of_two_antennas(case, tmp_path):
     folder = case(18)
     settings = read_settings(folder / "two.toml")
     found = [importer_named("csv")(folder / f"{one}.csv", settings, tmp_path) for one in "ab"]
-    with pytest.raises(BadInputError, match=r"as a\.csv has; a flight takes those of one receiver"):
-        assemble(found, settings)
+    flight = assemble(found, settings).flight
+    assert [one.antenna for one in flight.fixes] == ["gps1", "gps2"]
+    assert [len(one.t_s) for one in flight.fixes] == [150, 150]
+    apart = np.linalg.norm(flight.fixes[1].p_n_m - flight.fixes[0].p_n_m, axis=1)
+    places = [np.genfromtxt(folder / f"{one}.csv", delimiter=",", skip_header=1) for one in "ab"]
+    ends = [ecef(*np.radians(place[:, 1:3].T), place[:, 3]) for place in places]
+    np.testing.assert_allclose(apart, np.linalg.norm(ends[1] - ends[0], axis=1), atol=1e-6)
 
 
 def observations(path):

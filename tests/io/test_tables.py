@@ -1,5 +1,9 @@
 """Time series as CSV."""
 
+import bz2
+import gzip
+import lzma
+
 import numpy as np
 import pytest
 
@@ -77,3 +81,8 @@ def test_written_table_is_read_back(tmp_path):
 
 def test_a_byte_order_mark_is_no_letter(tmp_path):
     assert read(tmp_path, "\ufeff" + GOOD)["t_s"].tolist() == [0, 0.5, 1]
+
+
+@pytest.mark.parametrize("module", [gzip, bz2, lzma])
+def test_a_packed_table_is_read(tmp_path, module):
+    assert read(tmp_path, module.compress(GOOD.encode()))["y"].tolist() == [2, 4, 6]

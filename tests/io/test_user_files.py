@@ -9,7 +9,7 @@ import pytest
 
 from fgnav.checks import BadInputError, quoted
 from fgnav.io.strict_toml import read_toml
-from fgnav.io.user_files import gunzipped, max_bytes, read_bytes
+from fgnav.io.user_files import max_bytes, read_bytes, unpacked
 
 
 def test_a_file_within_its_bounds_is_read(tmp_path):
@@ -44,9 +44,9 @@ def test_holes_of_a_sparse_file_are_refused_and_not_read(tmp_path):
         tracemalloc.stop()
         assert f"byte {len(head) + 1} of" in str(seen.value)
         assert most < 1 << 23
-    packed = gzip.compress(os.urandom(2 << 20))
-    (tmp_path / "c.gz").write_bytes(packed)
-    assert read_bytes(tmp_path / "c.gz", is_text=True) == packed
+    plain = os.urandom(2 << 20)
+    (tmp_path / "c.gz").write_bytes(gzip.compress(plain))
+    assert read_bytes(tmp_path / "c.gz", is_text=True) == plain
     os.truncate(tmp_path / "c.gz", 1 << 31)
     with pytest.raises(BadInputError, match=r"c\.gz: must be text, got a NUL as byte"):
         read_bytes(tmp_path / "c.gz", is_text=True)
@@ -76,11 +76,11 @@ def test_what_is_no_regular_file_is_named_and_not_waited_for(tmp_path):
 
 def test_a_bomb_is_refused_before_it_is_unpacked():
     bomb = gzip.compress(gzip.compress(bytes(100_000_000)))
-    inner = gunzipped(Path("a.gz"), bomb)
+    inner = unpacked(Path("a.gz"), bomb)
     with pytest.raises(BadInputError, match=r"a\.gz: unpacks to more, at most \d+ are read"):
-        gunzipped(Path("a.gz"), inner)
+        unpacked(Path("a.gz"), inner)
     two = gzip.compress(b"one") + gzip.compress(b"two")
-    assert gunzipped(Path("a.gz"), two) == b"onetwo"
+    assert unpacked(Path("a.gz"), two) == b"onetwo"
 
 
 @pytest.mark.parametrize(

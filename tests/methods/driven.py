@@ -46,13 +46,15 @@ def driven(seed, *, late_s=0.0, late_sigma_s=0.0, span_s=60.0):
         origin=origin,
         antennas=(Antenna(name="a1", position_b_m=np.zeros(3)),),
         imu=Imu(t_s=t_s, f_b_mps2=f_b, w_b_radps=w_b, clock_offset_sigma_s=late_sigma_s, **_NOISE),
-        fixes=Fixes(
-            t_s=t_s[fix],
-            antenna="a1",
-            p_n_m=p_n_m[fix] + rng.normal(0, 2.0, (len(fix), 3)),
-            v_n_mps=v_true[fix] + rng.normal(0, 0.05, (len(fix), 3)),
-            position_sigma_m=2.0 * ones,
-            velocity_sigma_mps=0.05 * ones,
+        fixes=(
+            Fixes(
+                t_s=t_s[fix],
+                antenna="a1",
+                p_n_m=p_n_m[fix] + rng.normal(0, 2.0, (len(fix), 3)),
+                v_n_mps=v_true[fix] + rng.normal(0, 0.05, (len(fix), 3)),
+                position_sigma_m=2.0 * ones,
+                velocity_sigma_mps=0.05 * ones,
+            ),
         ),
         truth=Truth(t_s=t_s, p_n_m=p_n_m, v_n_mps=v_true, R_nb=_motion(t_s, heading)[0]),
     )

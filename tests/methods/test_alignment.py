@@ -57,13 +57,14 @@ def late_unit():
     """Return a flight whose unit begins 20 ms after its first fix, and that without this fix."""
     right = right_flight("fixes", 78_666_671)
     begun = replace(right, imu=right.imu[1:])
-    return begun, replace(begun, fixes=right.fixes[1:])
+    return begun, replace(begun, fixes=(right.fixes[0][1:],))
 
 
 @pytest.mark.parametrize("method", [Forward(), Smoother(), Batch()])
 def test_a_fix_before_the_inertial_record_is_as_if_there_were_none(method, late_unit):
     estimate, without = (shared(method, flight) for flight in late_unit)
-    assert estimate.t_s[0] == late_unit[0].fixes.t_s[1]  # no keyframe before anything is measured
+    # No keyframe before anything is measured.
+    assert estimate.t_s[0] == late_unit[0].fixes[0].t_s[1]
     np.testing.assert_array_equal(estimate.t_s, without.t_s)
     np.testing.assert_allclose(estimate.R_nb, without.R_nb, atol=1e-5)
     P, without_P = (one.attitude_covariance_rad2 for one in (estimate, without))

@@ -84,6 +84,7 @@ def test_position_is_that_of_the_body_and_not_of_the_antenna():
     truth_n_m = flight.truth.p_n_m[np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)]
     # Broadcast against itself with 1 cm of code: what is left is far below the lever arm of 7 m.
     assert np.sqrt(((estimate.p_n_m - truth_n_m) ** 2).mean()) < 1.0
+    assert estimate.position_covariance_m2.shape == (50, 3, 3)
     assert any("swing" in note for note in estimate.notes)
 
 
@@ -170,7 +171,9 @@ def test_a_single_antenna_is_placed_by_its_code():
 
 def test_a_flight_that_shows_no_vector_is_no_solution():
     flight = flown(fixes=FIXES)
-    still = replace(flight, fixes=replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None))
+    still = replace(
+        flight, fixes=(replace(flight.fixes[0], v_n_mps=None, velocity_sigma_mps=None),)
+    )
     with pytest.raises(NoSolutionError, match="attitude: no vector at any of 50 ep"):
         ClosedForm()(still)
 

@@ -62,7 +62,7 @@ def test_a_heading_that_nothing_tells_is_open_and_the_rest_is_honest(method):
 
 def test_a_heading_stated_roughly_weighs_the_headings_of_a_batch():
     flight = cruising(0)
-    R_nb, _ = attitude_at(flight.truth, flight.fixes.t_s[:1])
+    R_nb, _ = attitude_at(flight.truth, flight.fixes[0].t_s[:1])
     heading_rad = float(rotations.to_euler(R_nb)[0, 2]) + 0.3
     initial = InitialAttitude(heading_rad=heading_rad, heading_sigma_rad=0.5)
     found = Batch(noise="stated")(dataclasses.replace(flight, initial=initial))

@@ -118,11 +118,11 @@ def test_gtsam_and_the_chain_agree(which, name):
 def test_both_refuse_a_flight_without_a_turn(name):
     """One antenna, no gyroscope: where no solution is, neither has one."""
     flight = simulate(scenario("six", 4.0, fixes=True), np.random.default_rng(20_001))
-    still = np.broadcast_to(flight.fixes.p_n_m[0], flight.fixes.p_n_m.shape)
-    fixes = replace(flight.fixes, p_n_m=still, v_n_mps=None, velocity_sigma_mps=None)
+    still = np.broadcast_to(flight.fixes[0].p_n_m[0], flight.fixes[0].p_n_m.shape)
+    fixes = replace(flight.fixes[0], p_n_m=still, v_n_mps=None, velocity_sigma_mps=None)
     for solver in ("gtsam", "chain"):
         with pytest.raises(NoSolutionError):
-            replace(METHODS[name], solver=solver)(replace(flight, fixes=fixes))
+            replace(METHODS[name], solver=solver)(replace(flight, fixes=(fixes,)))
 
 
 def of_rows(estimate, rows):

@@ -150,6 +150,6 @@ def test_a_network_of_gravity_makes_pairs_and_others_none(tmp_path):
 
 
 def test_a_method_without_gravity_cannot_go_without_it():
-    none = ClosedForm(resolver=Truth(), gravity=None)
+    none = ClosedForm(resolver=Truth(), gravity=None, factors=())
     with pytest.raises(BadInputError, match="without gravity: closed-form has none"):
         restricted("less", none, ("gravity",))

@@ -18,6 +18,7 @@ from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude
 from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
+from fgnav_sim.motion import Straight
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
@@ -39,6 +40,14 @@ def every_second(made):
     return msgspec.structs.replace(made, fixes=FixesTable(rate_hz=1.0))
 
 
+def hovering(span_s):
+    """Return a drone that hovers, its heading by fixes of two antennas alone."""
+    made = scenario("drone", span_s)
+    still = msgspec.structs.replace(made.motion, path=Straight(speed_mps=0.01))
+    fixes = msgspec.structs.replace(made.fixes, rate_hz=1.0)
+    return msgspec.structs.replace(made, motion=still, baseline=None, fixes=fixes)
+
+
 # The body, what it carries, and a seed that nothing was chosen on.
 FLIGHTS = {
     "one antenna, satellites that rise, an outage": (
@@ -49,6 +58,8 @@ FLIGHTS = {
     "an array": (scenario("demo", 1.5), 41_005),
     "an array once a second": (scenario("demo", 6.0, rate_hz=1.0), 41_006),
     "an array and a gyroscope": (scenario("demo", 1.5, gyroscope=True), 41_007),
+    "a baseline and a gyroscope": (scenario("drone", 4.0), 41_014),
+    "a baseline and no gyroscope": (scenario("drone", 3.0, gyroscope=None), 41_015),
     "a landmark in sight": (scenario("terminal", 1.5, range_m=9000.0), 41_008),
 }
 
@@ -106,8 +117,8 @@ def test_noise_is_identified_anew_while_it_runs(monkeypatch):
     monkeypatch.setattr(causal, "_FIRST_S", 5.0)
     made = scenario("six", 7.0, fixes=True, gyroscope=True)
     flight = simulate(made, np.random.default_rng(41_010))
-    fixes = replace(flight.fixes, velocity_sigma_mps=flight.fixes.velocity_sigma_mps / 2)
-    flight = with_heading(replace(flight, fixes=fixes))
+    fixes = replace(flight.fixes[0], velocity_sigma_mps=flight.fixes[0].velocity_sigma_mps / 2)
+    flight = with_heading(replace(flight, fixes=(fixes,)))
     prepared = Forward().prepare(flight)
     assert len(prepared.stretches) > 1
     whole = Forward().estimate_prepared(flight, prepared)
@@ -172,6 +183,7 @@ LONG = {
         41_013,
         going_on.KEPT_S,
     ),
+    "fixes of two antennas at rest": (hovering(50.0), 41_016, going_on.KEPT_S),
 }
 
 
@@ -182,7 +194,7 @@ def test_a_stream_that_has_let_its_beginning_go_ends_there_as_well(which, monkey
     made, seed, kept_s = LONG[which]
     monkeypatch.setattr(going_on, "KEPT_S", kept_s)
     flight = simulate(made, np.random.default_rng(seed))
-    if flight.fixes is None:
+    if not flight.fixes:
         flight = with_heading(flight)
     stream = ObservationStream(STATED)
     parts = [stream.update(piece) for piece in pieces(flight)]

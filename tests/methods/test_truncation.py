@@ -35,6 +35,8 @@ def scenario(name, span_s, *, gyroscope=False, fixes=False, range_m=None, **gnss
     """Return a scenario, shortened; fixes: without raw data; gnss: what differs of receivers."""
     change = msgspec.structs.replace
     found = change(load_scenario(SCENARIOS / f"{name}.toml"), duration_s=span_s)
+    if gyroscope is None:
+        found = change(found, imu=change(found.imu, **dict.fromkeys(GYROSCOPE)))
     if gyroscope:
         found = change(found, imu=change(found.imu, **GYROSCOPE))
     if fixes:
@@ -42,6 +44,11 @@ def scenario(name, span_s, *, gyroscope=False, fixes=False, range_m=None, **gnss
     if range_m is not None:  # the detector sees from the start
         found = change(found, seeker=change(found.seeker, range_m=range_m))
     return change(found, gnss=change(found.gnss, **gnss)) if gnss else found
+
+
+def with_gap(made):
+    baseline = msgspec.structs.replace(made.baseline, gaps_s=((0.0, 1.0), (3.0, 5.0)))
+    return msgspec.structs.replace(made, baseline=baseline)
 
 
 # Scenario, and what is estimated with the flight.
@@ -57,6 +64,8 @@ FLIGHTS = {
     "satellites that rise later": (scenario("demo", SPAN_S, outages=(RISING,)), ()),
     "fixes": (scenario("six", SPAN_S, fixes=True), ()),
     "fixes and gyroscope": (scenario("six", LOOKED_AT_S, fixes=True, gyroscope=True), ()),
+    "baseline": (with_gap(scenario("drone", LOOKED_AT_S)), ()),
+    "baseline, no gyroscope": (with_gap(scenario("drone", SPAN_S, gyroscope=None)), ()),
     "landmark": (scenario("terminal", SPAN_S, range_m=9000.0), ("landmark",)),
     "lever-arm": (scenario("demo", SPAN_S), ("lever-arm",)),
     "antennas": (scenario("demo", SPAN_S), ("antennas",)),
@@ -70,7 +79,7 @@ def flown(which):
 
 def cuts_s(flight):
     """Return times between two epochs; the second is within what is without satellites."""
-    end_s = (flight.imu or flight.fixes).t_s[-1]
+    end_s = (flight.imu or flight.fixes[0]).t_s[-1]
     return [round(share * end_s) + 0.43 for share in SHARES]
 
 

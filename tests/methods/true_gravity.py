@@ -21,7 +21,7 @@ class TrueGravity:
 
     def __call__(self, flight: Flight) -> GravityDirection:
         """Estimate."""
-        source = flight.fixes if flight.observations is None else flight.observations
+        source = flight.first_fixes if flight.observations is None else flight.observations
         t_s, rng = source.t_s[:: self.every], np.random.default_rng(self.seed)
         R_nb, covered = attitude_at(flight.truth, t_s)
         sigma = np.radians(self.sigma_deg)

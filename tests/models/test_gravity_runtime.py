@@ -53,7 +53,7 @@ def of_scenario(name, count):
 def asked(flight, name="gravity", **options):
     """Return what a network's source makes of a flight."""
     source = NeuralFactor(manifest(name), **options)
-    t_s = flight.fixes.t_s
+    t_s = flight.fixes[0].t_s
     keys = tuple(map(constant, range(len(source.constants))))
     return source, source(flight, Timeline(t_s=t_s, gyroscope=False, constants=keys))
 
@@ -119,11 +119,11 @@ def test_outside_its_domain_there_is_no_answer_but_a_loss(flight, reason):
 
 def test_other_rates_and_missing_sensors_are_refused_by_name():
     flight = flown()
-    bare = replace(flight.fixes, v_n_mps=None, velocity_sigma_mps=None)
+    bare = replace(flight.fixes[0], v_n_mps=None, velocity_sigma_mps=None)
     for wrong, text in (
         (flown(rate_hz=1.0), "rate_hz"),
         (flown(imu=ImuTable(rate_hz=50.0)), "rate_hz"),
-        (replace(flight, fixes=bare), "has no 'velocity'"),
+        (replace(flight, fixes=(bare,)), "has no 'velocity'"),
     ):
         with pytest.raises(BadInputError, match=text):
             asked(wrong)
@@ -136,9 +136,9 @@ def test_answers_stand_two_half_lives_apart_and_share_what_lasts():
     assert [one.name for one in source.constants] == ["lasting error of gravity"]
     assert "their errors are alike" in reasons(made)
     rows = [newest_keyframe(one) for one in made.factors]
-    assert np.diff(flight.fixes.t_s[rows]).min() >= source.between_s - 1e-6
+    assert np.diff(flight.fixes[0].t_s[rows]).min() >= source.between_s - 1e-6
     assert all(constant(0) in one.factor.keys() for one in made.factors)  # noqa: SIM118  # no dict
-    assert sum(loss.count for loss in made.losses) + len(rows) == len(flight.fixes.t_s)
+    assert sum(loss.count for loss in made.losses) + len(rows) == len(flight.fixes[0].t_s)
 
 
 def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():

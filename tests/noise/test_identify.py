@@ -83,9 +83,9 @@ def test_attitudes_of_a_late_unit_are_honest(kind):
 
 def test_late_velocities_and_a_wrong_lever_arm_are_found():
     flight = right_flight("fixes", 95_030)
-    fixes, late_s = flight.fixes, 0.1
+    fixes, late_s = flight.fixes[0], 0.1
     moved = [np.interp(fixes.t_s - late_s, fixes.t_s, v) for v in fixes.v_n_mps.T]
-    late = replace(flight, fixes=replace(fixes, v_n_mps=np.stack(moved, axis=1)))
+    late = replace(flight, fixes=(replace(fixes, v_n_mps=np.stack(moved, axis=1)),))
     latency = calibrated(found_in(late), "velocity-delay")
     assert abs(latency.value[0] - late_s) < 4 * latency.sigma[0] + 0.01
     off_b_m = np.array([0.4, 0.0, -0.3])

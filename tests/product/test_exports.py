@@ -13,6 +13,7 @@ from fgnav.cli import main
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
 from fgnav.io.exports import exporter_named
+from fgnav.io.exports.maps import _above_sea
 from fgnav.io.exports.recorded import RecordedEstimate, load_estimate, save_estimate
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.types.estimate import Estimate, Verdict
@@ -75,10 +76,15 @@ def test_what_is_no_estimate_is_one_line(content, tmp_path):
         load_estimate(tmp_path / "other.npz")
 
 
-def test_tum_has_time_position_and_a_quaternion_of_the_attitude(recorded, tmp_path):
+def test_tum_has_absolute_time_position_and_a_quaternion_of_the_attitude(recorded, tmp_path):
     exporter_named("tum")(recorded, tmp_path / "e.tum")
+    head = (tmp_path / "e.tum").read_text().splitlines()[:3]
+    assert "UTC, s since 1970-01-01" in head[0]
+    assert f"latitude {np.degrees(ORIGIN.latitude_rad):.9f} deg" in head[0]
+    assert "from body axes, forward, right, down" in head[1]
     table = np.loadtxt(tmp_path / "e.tum")
-    np.testing.assert_allclose(table[:, 0], recorded.estimate.t_s, rtol=0, atol=1e-9)
+    unix_s = START_GPS_S + 315_964_800 - 18 + recorded.estimate.t_s
+    np.testing.assert_allclose(table[:, 0], unix_s, rtol=0, atol=1e-6)
     np.testing.assert_allclose(table[:, 1:4], recorded.estimate.p_n_m, rtol=0, atol=1e-9)
     x, y, z, w = table[:, 4:].T
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y**2 + z**2))
@@ -110,6 +116,33 @@ def test_maps_are_xml_with_a_point_per_position_in_utc(recorded, name, tmp_path)
     times = [one.text for one in tags if one.tag.endswith(("}when", "}time"))]
     assert len(times) == 4
     assert times[0] == "2024-05-17T16:53:02.250Z"  # 18 s behind GPS time
+
+
+# Test points of the model's own program F477, National Geospatial-Intelligence Agency.
+EGM96 = [
+    [38.6281550, 269.7791550, -31.628],
+    [-14.6212170, 305.0211140, -2.969],
+    [46.8743190, 102.4487290, -43.575],
+    [-23.6174460, 133.8747120, 15.871],
+    [38.6254730, 359.9995000, 50.066],
+]
+
+
+def test_heights_on_maps_are_above_the_sea():
+    pytest.importorskip("pyrtklib5")
+    place = np.array(EGM96)
+    above, is_known = _above_sea(place * [1.0, 1.0, 0.0])
+    assert is_known
+    np.testing.assert_allclose(-above[:, 2], place[:, 2], atol=1.5)  # a grid of a degree
+
+
+@pytest.mark.parametrize(("name", "wanted"), [("kml", "clampToGround"), ("gpx", "desc>no heights")])
+def test_without_a_geoid_maps_have_no_heights(recorded, name, wanted, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "pyrtklib5", None)
+    exporter_named(name)(recorded, tmp_path / "e")
+    text = (tmp_path / "e").read_text()
+    assert wanted in text
+    assert "<ele>" not in text
 
 
 def test_a_table_in_csv_is_read_back_exactly(recorded, tmp_path):

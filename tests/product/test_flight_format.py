@@ -19,7 +19,8 @@ TABLES = {
     "`[gnss]`": flight_toml.GnssTable,
     "`base` of `[gnss]`": flight_toml.BaseTable,
     "`[imu]`": flight_toml.ImuTable,
-    "`[fixes]`": flight_toml.FixesTable,
+    "`[[fixes]]`": flight_toml.FixesTable,
+    "`[[baseline]]`": flight_toml.BaselineTable,
     "`[seeker]`": flight_toml.SeekerTable,
     "`[barometer]`": flight_toml.BarometerTable,
     "`[magnetometer]`": flight_toml.MagnetometerTable,
@@ -64,13 +65,22 @@ def test_the_top_level_is_the_flights_keys_and_the_sections_its_tables():
     assert set(written) | sections == set(known)
 
 
-@pytest.mark.parametrize("kind", COLUMNS)
+def columns_of(kind):
+    """Return what the page says of columns, by their names."""
+    section = next(one for one in SECTIONS if re.fullmatch(rf"Columns of `\[+{kind}\]+`", one))
+    return {tuple(re.findall(r"`(\w+)`", cells[0])): cells[2] for cells in rows(section)}
+
+
+def test_every_column_of_a_baseline_is_there():
+    required, groups = COLUMNS["baseline"]
+    written = [name for names in columns_of("baseline") for name in names]
+    assert sorted(written) == sorted([*required, *(name for group in groups for name in group)])
+
+
+@pytest.mark.parametrize("kind", [kind for kind in COLUMNS if kind != "baseline"])
 def test_every_column_is_there_required_or_by_groups(kind):
     required, groups = COLUMNS[kind]
-    written = {
-        tuple(re.findall(r"`(\w+)`", cells[0])): cells[2]
-        for cells in rows(f"Columns of `[{kind}]`")
-    }
+    written = columns_of(kind)
     must = [
         name for names, text in written.items() if text.startswith("required") for name in names
     ]

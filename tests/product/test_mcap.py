@@ -74,7 +74,7 @@ def test_places_come_back_through_the_importer(bag, tmp_path):
     recorded_, path = bag
     _, flight = imported(tmp_path, "mcap", path)
     p_e_m = ORIGIN.to_e(recorded_.estimate.p_n_m)
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m), p_e_m, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m), p_e_m, rtol=0, atol=1e-4)
     assert flight.start_gps_s == pytest.approx(START_GPS_S, abs=1e-3)
 
 

@@ -1,5 +1,6 @@
 """``fgnav new``: from a stranger's files to a flight, in two edits."""
 
+import gzip
 import json
 import re
 import tomllib
@@ -10,7 +11,13 @@ import pytest
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers.guess import guessed
-from tests.io.importers import test_ardupilot, test_pos, test_receivers, test_ulog
+from tests.io.importers import (
+    test_ardupilot,
+    test_pos,
+    test_receivers,
+    test_solutions,
+    test_ulog,
+)
 from tests.io.importers.helpers import imported
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -64,6 +71,34 @@ def test_two_edits_that_check_names_make_the_car_a_flight(shared, tmp_path, caps
     assert set(findings(tmp_path, capsys)) == {"velocity delay"}
 
 
+def test_edits_that_check_names_make_a_quadrotor_a_flight(shared, tmp_path, capsys):
+    folder = shared / "flights" / "quadrotor" / "path_10"
+    new(tmp_path, folder / "IMU_1.csv", folder / "GT.csv")
+    said = " ".join(capsys.readouterr().out.split())
+    assert "not used: 5605 × IMU_1.csv columns Euler_X, Euler_Y, Euler_Z: no [[csv]]" in said
+    before = findings(tmp_path, capsys)
+    assert "should read x, -y, -z" in before["imu mounting"]
+    # Its README has -0.42 s, by correlation of roll rates.
+    offset = re.search(r"add (-0\.4\d\d) s to \[imu\] clock_offset_s", before["imu clock"])
+    edited(
+        tmp_path,
+        ('axes = ["x", "y", "z"]', 'axes = ["x", "-y", "-z"]'),
+        ("clock_offset_s = 0.0", f"clock_offset_s = {offset[1]}"),
+    )
+    assert findings(tmp_path, capsys) == {}
+    flight = load_flight(tmp_path / "flight")
+    track = np.genfromtxt(folder / "GT.csv", delimiter=",", skip_header=1)[:, 7:]
+    np.testing.assert_allclose(flight.fixes[0].p_n_m, track - track[0], atol=1e-6)
+
+
+def test_packed_files_and_a_stated_format(tmp_path, capsys):
+    rows = "".join(f"{0.01 * k:.2f} 0.1 0.2 -9.8\n" for k in range(5)).encode()
+    (tmp_path / "log.txt.gz").write_bytes(gzip.compress(b"t ax ay az\n" + rows))
+    new(tmp_path, tmp_path / "log.txt.gz", "--format", "csv")
+    assert "log.txt: columns guessed" in " ".join(capsys.readouterr().out.split())
+    assert len(load_flight(tmp_path / "flight").imu.t_s) == 5
+
+
 def test_what_was_guessed_imports_the_same_again(shared, tmp_path):
     folder = shared / "flights" / "quadrotor" / "path_10"
     new(tmp_path, folder / "IMU_1.csv")
@@ -111,6 +146,18 @@ def test_each_format_is_told_by_its_content_and_commented(tmp_path, capsys, form
     assert f"{tmp_path / 'log'}: {format_}" in capsys.readouterr().out
     assert table in tomllib.loads(text)
     assert "# EDIT: no file states where the antenna sits" in text
+
+
+def test_a_dual_receiver_is_two_antennas_and_their_baseline(tmp_path, capsys):
+    pytest.importorskip("pyubx2")
+    (tmp_path / "rover.ubx").write_bytes(test_solutions.ubx())
+    text = new(tmp_path, tmp_path / "rover.ubx")
+    assert "# A receiver's vector or heading, from the first antenna" in text
+    table = tomllib.loads(text)
+    assert [one["name"] for one in table["antenna"]] == ["gps1", "gps2"]
+    assert table["baseline"] == [{"samples": "baseline.csv", "antennas": ["gps2", "gps1"]}]
+    assert "edit antenna.position_b_m" in capsys.readouterr().out
+    assert len(load_flight(tmp_path / "flight").baselines[0].t_s) == test_solutions.EPOCHS
 
 
 def test_two_antennas_of_one_name_are_told_apart(tmp_path):

@@ -70,7 +70,7 @@ def _currents(flight: Flight, currents) -> Flight:
 
 
 def _fixes(flight: Flight, **changes) -> Flight:
-    return replace(flight, fixes=replace(flight.fixes, **changes))
+    return replace(flight, fixes=(replace(flight.fixes[0], **changes),))
 
 
 def _stuck(values, first: int, last: int | None = None):
@@ -113,13 +113,13 @@ def _barometer(flight: Flight, height_m) -> Flight:
 
 
 def _frozen(flight: Flight) -> Flight:
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     return _fixes(flight, p_n_m=_stuck(fixes.p_n_m, 12, 28), v_n_mps=_stuck(fixes.v_n_mps, 12, 28))
 
 
 def _tenth(flight: Flight) -> Flight:
     """State a tenth of the fixes' noise."""
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     return _fixes(
         flight,
         position_sigma_m=fixes.position_sigma_m / 10,

@@ -152,10 +152,7 @@ def remarks_of(printed: str) -> str:
 
 def counts(flight: Flight) -> dict[str, int]:
     """Return how much of everything a flight holds."""
-    held = {}
-    for name in ("imu", "fixes", "seeker", "barometer", "magnetometer", "truth"):
-        series = getattr(flight, name)
-        held[name] = 0 if series is None else len(series.t_s)
+    held = {name: len(series.t_s) for name, series in flight.records.items()}
     if flight.seeker is not None:
         held["calibration"] = len(flight.seeker.calibration)
     if flight.truth is not None and flight.truth.integers is not None:

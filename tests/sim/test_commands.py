@@ -143,7 +143,7 @@ def test_a_flight_read_back_is_the_flight_that_was_made(scenario, tmp_path):
     assert np.allclose(back.truth.R_nb, flight.truth.R_nb, rtol=0, atol=1e-7)
     assert np.allclose(back.imu.f_b_mps2, flight.imu.f_b_mps2, rtol=0, atol=1e-6)
     assert np.allclose(back.seeker.landmark_n_m, flight.seeker.landmark_n_m, rtol=0, atol=1e-3)
-    assert np.allclose(back.fixes.p_n_m, flight.fixes.p_n_m, rtol=0, atol=1e-3)
+    assert np.allclose(back.fixes[0].p_n_m, flight.fixes[0].p_n_m, rtol=0, atol=1e-3)
     for field in ("semi_major_axis_m", "mean_anomaly_rad", "node_rad", "toe_s", "af0_s"):
         assert np.allclose(
             back.broadcast.records[field], flight.broadcast.records[field], rtol=1e-12, atol=1e-12

@@ -10,6 +10,7 @@ from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import (
+    BaselineTable,
     ClockTable,
     FixesTable,
     GnssTable,
@@ -30,11 +31,23 @@ FULL = Scenario(
     motion=SWING,
     gnss=GnssTable(elevation_weights="uniform", code_noise_m=0.3),
     imu=ImuTable(),
-    fixes=FixesTable(),
+    fixes=FixesTable(antennas=("a1", "a4")),
+    baseline=BaselineTable(antennas=("a5", "a4")),
     seeker=SeekerTable(landmark=Place(latitude_deg=40.34), field_of_view_deg=13.0),
     barometer=BarometerTable(),
     magnetometer=MagnetometerTable(),
 )
+
+
+SENSORS = {
+    "gnss": lambda f: f.observations.phase_cycles,
+    "imu": lambda f: f.imu.f_b_mps2,
+    "fixes": lambda f: np.stack([one.p_n_m for one in f.fixes]),
+    "baseline": lambda f: f.baselines[0].vector_n_m,
+    "seeker": lambda f: f.seeker.currents,
+    "barometer": lambda f: f.barometer.height_m,
+    "magnetometer": lambda f: f.magnetometer.field_b_ut,
+}
 
 
 def made(scenario, seed=1):
@@ -54,28 +67,20 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
     for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz"):
         assert same(getattr(one.observations, name), getattr(two.observations, name))
     assert same(one.imu.f_b_mps2, two.imu.f_b_mps2)
-    assert same(one.fixes.p_n_m, two.fixes.p_n_m)
+    assert same(one.fixes[0].p_n_m, two.fixes[0].p_n_m)
     assert same(one.seeker.currents, two.seeker.currents)
     assert not same(one.observations.code_m, other.observations.code_m)
     assert not same(one.imu.f_b_mps2, other.imu.f_b_mps2)
 
 
-@pytest.mark.parametrize("name", ["gnss", "imu", "fixes", "seeker", "barometer", "magnetometer"])
+@pytest.mark.parametrize("name", [*SENSORS])
 def test_a_sensor_that_is_left_out_changes_no_other(name):
     whole, part = made(FULL), made(without(name))
-    pairs = {
-        "gnss": lambda f: f.observations.phase_cycles,
-        "imu": lambda f: f.imu.f_b_mps2,
-        "fixes": lambda f: f.fixes.p_n_m,
-        "seeker": lambda f: f.seeker.currents,
-        "barometer": lambda f: f.barometer.height_m,
-        "magnetometer": lambda f: f.magnetometer.field_b_ut,
-    }
-    for other, values in pairs.items():
+    for other, values in SENSORS.items():
         if other != name:
             assert same(values(whole), values(part))
-    absent = part.observations if name == "gnss" else getattr(part, name)
-    assert absent is None
+    field = {"gnss": "observations", "baseline": "baselines"}.get(name, name)
+    assert not getattr(part, field)
 
 
 def test_truth_is_the_motion():
@@ -97,10 +102,10 @@ def test_the_flight_says_what_estimators_need_to_know():
     assert not flight.losses
 
 
-def test_fixes_without_receivers_bring_the_one_antenna_they_speak_of():
+def test_receivers_without_observations_bring_the_antennas_they_speak_of():
     flight = made(without("gnss"))
-    assert [antenna.name for antenna in flight.antennas] == ["a1"]
-    error_m = flight.fixes.p_n_m - FULL.motion(flight.fixes.t_s).p_n_m
+    assert [antenna.name for antenna in flight.antennas] == ["a1", "a4", "a5"]
+    error_m = flight.fixes[0].p_n_m - FULL.motion(flight.fixes[0].t_s).p_n_m
     assert 0 < np.abs(error_m).max() < 5.0
 
 
@@ -212,4 +217,4 @@ def test_misplaced_antennas_are_stated_where_they_are_not():
     of_antenna_m = apart_m - apart_m[:, :1]
     assert (np.nanstd(of_antenna_m[:, 1:], axis=(0, 2)) > 0.005).all()
     assert same(whole.imu.f_b_mps2, moved.imu.f_b_mps2)
-    assert not same(whole.fixes.p_n_m, moved.fixes.p_n_m)  # of the first, which moved, too
+    assert not same(whole.fixes[0].p_n_m, moved.fixes[0].p_n_m)  # of the first, which moved, too

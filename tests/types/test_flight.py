@@ -82,7 +82,7 @@ def test_parts_that_fit_make_a_flight():
         observations=observations(),
         broadcast=BroadcastOrbits(records=np.zeros(1, EPHEMERIS_DTYPE), klobuchar=np.zeros(8)),
         imu=imu(),
-        fixes=fixes(),
+        fixes=(fixes(),),
         seeker=seeker(),
     )
     assert whole.antenna("a1").name == "a1"
@@ -111,7 +111,7 @@ def test_availability_is_the_share_of_epochs_with_an_answer():
         (flight, {"antennas": (antenna(), antenna())}, "antenna a1: two antennas have this name"),
         (flight, {"observations": observations()}, "gnss: observations need navigation or orbits"),
         (flight, {"observations": observations(), "antennas": ()}, "observations: of 1 antennas"),
-        (flight, {"fixes": fixes(antenna="x")}, "fixes antenna: 'x' is not one of"),
+        (flight, {"fixes": (fixes(antenna="x"),)}, "fixes antenna: 'x' is not one of"),
         (flight, {"elevation_mask_rad": 2.0}, "elevation_mask_deg: must be within 0 and 90"),
         (GnssNoise, {"code_m": 0.0}, "gnss noise code_m: must be positive"),
         (GnssNoise, {"elevation_weights": "flat"}, "elevation_weights: must be sine or uniform"),

@@ -29,10 +29,10 @@ UntilSeconds = Annotated[
 WithoutKinds = Annotated[
     str,
     Parameter(
-        help="Run each method also without these, one after another: baselines (of the array), "
-        "phase, doppler, gnss, fixes, gyroscope, inertial, line-of-sight, barometer, magnetometer, "
-        "vehicle, networks (of flight.toml), gravity (of networks, of --gravity), separated by "
-        "commas; phase+doppler leaves both out together."
+        help="Run each method also without these, one after another: baselines (of the array and "
+        "of receivers), phase, doppler, gnss, fixes, gyroscope, inertial, line-of-sight, "
+        "barometer, magnetometer, vehicle, networks (of flight.toml), gravity (of networks, of "
+        "--gravity), separated by commas; phase+doppler leaves both out together."
     ),
 ]
 ReportFile = Annotated[

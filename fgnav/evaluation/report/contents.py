@@ -17,8 +17,10 @@ from fgnav.evaluation.report.sections.inertial import allan_parts
 from fgnav.evaluation.report.sections.integers import integer_parts
 from fgnav.evaluation.report.sections.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.sections.quality import quality_strips
+from fgnav.evaluation.report.sections.receivers import receiver_parts
 from fgnav.evaluation.report.sections.residuals import residual_parts
 from fgnav.evaluation.report.sections.separation import separation_parts
+from fgnav.evaluation.report.sections.sigmas import sigma_parts
 from fgnav.evaluation.report.sections.sky import sky_charts
 from fgnav.types.flight import Flight
 
@@ -49,6 +51,12 @@ def comparison_report(
             ("summary", "Summary", method_table(comparison)),
             ("errors", "Errors", error_charts(solved, marks, time)),
             ("motion", "Motion", motion_charts(flight, solved, marks, time)),
+            ("sigmas", "Stated uncertainty", sigma_parts(flight, solved, marks, time)),
+            (
+                "receivers",
+                "Residuals of fixes and baselines",
+                receiver_parts(flight, solved, marks, time),
+            ),
             ("sky", "Sky and signals", sky_charts(flight, time)),
             (
                 "residuals",

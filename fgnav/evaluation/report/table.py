@@ -7,7 +7,7 @@ from fgnav.checks import Loss
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.report.blocks import NONE
-from fgnav.evaluation.scores import Angles, Score
+from fgnav.evaluation.scores import EULER, Angles, BaselineFigures, Score, open_heading_spans_s
 from fgnav.types.estimate import Rejected, Verdict
 
 _MOST_LINES = 8
@@ -18,6 +18,8 @@ _HEADS = (
     ("pitch", "deg"),
     ("yaw", "deg"),
     ("angle", "deg"),
+    ("azimuth", "deg"),  # of a baseline between two antennas, or of antennas in a line
+    ("elevation", "deg"),
     ("position", "m"),
     ("velocity", "m/s"),
     ("NEES", "angle"),  # 3 where the stated covariance is right
@@ -33,35 +35,52 @@ _HEADS = (
 
 
 _REFERENCE = "errors and NEES are against a reference that is an estimate itself (a filter's): "
-_WHAT = {"truth": "RMS errors", "reference": "RMS errors against a reference", None: "no truth"}
+WHAT = {
+    "truth": "RMS errors",
+    "reference": "RMS errors against a reference",
+    None: "medians of 1σ as stated, for there is no truth",
+}
 
 
-def heads(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return names and units of a score's figures; NEES against a reference is called so."""
+def score_table(comparison: Comparison) -> tuple[list[tuple[str, str]], list[list[str]]]:
+    """Return names and units of columns, and rows of the methods, then of their differences.
+
+    RMS errors or, without truth, medians of what is stated of them; columns without a figure are
+    left out. NEES against a reference is called so.
+    """
+    is_judged = comparison.judged_by is not None
+    rows = [[m.name, *_score_row(m.score, is_judged=is_judged)] for m in comparison.methods]
+    for one in comparison.differences:
+        figures = _angles(one.rms_deg) | {
+            "angle": _figure(one.attitude_rms_deg),
+            "position": _figure(one.position_rms_m),
+            "velocity": _figure(one.velocity_rms_mps),
+        }
+        cells = [figures.get(name, "") for name, _ in _HEADS]
+        rows.append([" − ".join(one.methods), *cells])
+    shown = [k for k in range(len(_HEADS)) if {row[k + 1] for row in rows} - {NONE, ""}]
     nees = "NEES ref" if comparison.judged_by == "reference" else "NEES"
-    return [(nees if name == "NEES" else name, unit) for name, unit in _HEADS]
+    heads = [(nees if name == "NEES" else name, unit) for name, unit in (_HEADS[k] for k in shown)]
+    return heads, [[row[0], *(row[k + 1] for k in shown)] for row in rows]
 
 
 def comparison_table(comparison: Comparison, width: int) -> list[str]:
-    """Return the lines of a table of RMS errors, or, without truth, of differences between methods.
+    """Return the lines of a table of RMS errors, or, without truth, of sigmas and differences.
 
     Columns that are too many for ``width`` go below each other, under the methods' names again;
     nothing is cut short.
     """
-    rows = [[method.name, *score_row(method.score)] for method in comparison.methods]
-    for difference in comparison.differences:
-        first, second = difference.methods
-        figures = [
-            *_angles(difference.rms_deg),
-            _figure(difference.attitude_rms_deg),
-            _figure(difference.position_rms_m),
-            _figure(difference.velocity_rms_mps),
-        ]
-        rows += [[first], [f"− {second}", *figures]]
-    rows.append(["bound of one epoch", *_angles(comparison.bound)])
-    title = f"{comparison.flight}: {_WHAT[comparison.judged_by]}, {comparison.epochs} epochs"
-    names, units = zip(*heads(comparison), strict=True)
-    return [title, *folded_table([["method", *names], ["", *units]], rows, width)]
+    heads, rows = score_table(comparison)
+    split: list[list[str]] = []
+    for name, *figures in rows:
+        *above, last = name.split(" − ")
+        split += [[f"RMS of {one}"] for one in above] + [[f"− {last}" if above else last, *figures]]
+    bound = {name: value for name, value in _angles(comparison.bound).items() if value != NONE}
+    bounds = [bound.get(name, "") for name, _ in heads]
+    split += [["bound of one epoch", *bounds]] if bound else []
+    title = f"{comparison.flight}: {WHAT[comparison.judged_by]}, {comparison.epochs} epochs"
+    columns = [["method", *(name for name, _ in heads)], ["", *(unit for _, unit in heads)]]
+    return [title, *folded_table(columns, split, width)]
 
 
 def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> list[str]:
@@ -87,6 +106,54 @@ def folded_table(heads: list[list[str]], rows: list[list[str]], width: int) -> l
     return [line.rstrip() for line in lines[:-1]]
 
 
+def quality_lines(comparison: Comparison) -> list[str]:
+    """Return lines on how well each method knows a flight: medians of 1σ, errors, open heading."""
+    lines = []
+    for method in comparison.solved:
+        kinds = {"1σ (median)": _stated(method.score), "RMS errors": _errors(method.score)}
+        lines += [f"{method.name}: {kind}: {', '.join(of)}" for kind, of in kinds.items() if of]
+        spans_s = [] if method.estimate is None else open_heading_spans_s(method.estimate)
+        if spans_s:
+            total_s = sum(b - a for a, b in spans_s)
+            first = ", ".join(f"{a:.1f} to {b:.1f}" for a, b in spans_s[:_MOST_LINKS])
+            more = " and more" if len(spans_s) > _MOST_LINKS else ""
+            lines.append(f"{method.name}: heading is open {first}{more} s, {total_s:.1f} s in all")
+    return lines
+
+
+def _stated(score: Score) -> list[str]:
+    """Return medians of 1-sigma as stated, each with its name and unit."""
+    of = score.sigmas
+    figures = [(name, getattr(of.euler_deg, name), "deg") for name in EULER]
+    for one in score.baselines:
+        figures.append((f"azimuth of {one.name}", one.azimuth_sigma_deg, "deg"))
+        figures.append((f"elevation of {one.name}", one.elevation_sigma_deg, "deg"))
+    figures += [("position", of.position_m, "m"), ("velocity", of.velocity_mps, "m/s")]
+    return [f"{name} {_figure(value)} {unit}" for name, value, unit in figures if value is not None]
+
+
+def _errors(score: Score) -> list[str]:
+    """Return RMS errors, each with its name, unit and NEES."""
+    figures = (
+        ("attitude", score.attitude_rmse_deg, "deg", score.attitude_nees_mean),
+        ("position", score.position_rmse_m, "m", score.position_nees_mean),
+        ("velocity", score.velocity_rmse_mps, "m/s", score.velocity_nees_mean),
+    )
+    return [
+        f"{name} {_figure(value)} {unit}" + ("" if nees is None else f" (NEES {nees:.2f} of 3)")
+        for name, value, unit, nees in figures
+        if value is not None
+    ] + [
+        f"{angle} of {one.name} {_figure(value)} deg"
+        for one in score.baselines
+        for angle, value in (
+            ("azimuth", one.azimuth_rmse_deg),
+            ("elevation", one.elevation_rmse_deg),
+        )
+        if value is not None
+    ]
+
+
 def remarks(comparison: Comparison) -> list[str]:
     """Return a line per failure, open state, note, kind of rejection and group of losses."""
     lines = [_REFERENCE + _counted(comparison)] if comparison.judged_by == "reference" else []
@@ -102,7 +169,8 @@ def remarks(comparison: Comparison) -> list[str]:
         for m in comparison.methods
     )
     lines += _by_method((m.name, _doubt(m.score.integers)) for m in comparison.methods)
-    lines += _by_method((m.name, m.score.notes) for m in comparison.methods)
+    complete = [m for m in comparison.methods if " without " not in m.name]  # they say it, too
+    lines += _by_method((m.name, m.score.notes) for m in complete or comparison.methods)
     lines += _by_method((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)
@@ -191,15 +259,23 @@ def _by_method(sayings: Iterable[tuple[str, tuple[str, ...]]]) -> list[str]:
     return [f"{', '.join(names)}: {text}" for text, names in speakers.items()]
 
 
-def score_row(score: Score) -> list[str]:
-    """Return a method's figures under ``heads``."""
+def _score_row(score: Score, *, is_judged: bool) -> list[str]:
+    """Return a method's figures under ``_HEADS``."""
     if score.failure is not None:
         return [NONE] * (len(_HEADS) - 1) + [f"{score.seconds:.2f}"]
+    line, stated = next(iter(score.baselines), BaselineFigures(name="")), score.sigmas
+    if is_judged:
+        angles, place_m, speed_mps = score.rmse_deg, score.position_rmse_m, score.velocity_rmse_mps
+        of_line = line.azimuth_rmse_deg, line.elevation_rmse_deg
+    else:
+        angles, place_m, speed_mps = stated.euler_deg, stated.position_m, stated.velocity_mps
+        of_line = line.azimuth_sigma_deg, line.elevation_sigma_deg
     return [
-        *_angles(score.rmse_deg),
+        *_angles(angles).values(),
         _figure(score.attitude_rmse_deg),
-        _figure(score.position_rmse_m),
-        _figure(score.velocity_rmse_mps),
+        *map(_figure, of_line),
+        _figure(place_m),
+        _figure(speed_mps),
         _attitude_nees(score),
         _figure(score.position_nees_mean, digits=2),
         _figure(score.velocity_nees_mean, digits=2),
@@ -212,8 +288,9 @@ def score_row(score: Score) -> list[str]:
 
 def _attitude_nees(score: Score) -> str:
     """Return the NEES of three angles, or of the direction of antennas in a line."""
-    if score.attitude_nees_mean is None and score.line_nees_mean is not None:
-        return f"{score.line_nees_mean:.2f} of 2"
+    nees = next((one.nees_mean for one in score.baselines), None)
+    if score.attitude_nees_mean is None and nees is not None:
+        return f"{nees:.2f} of 2"
     return _figure(score.attitude_nees_mean, digits=2)
 
 
@@ -229,8 +306,8 @@ def _integers(counts: IntegerCounts | None) -> list[str]:
     return [fixed, f"{100 * counts.wrong / (counts.right + counts.wrong):.2f}", chance]
 
 
-def _angles(figures: Angles) -> list[str]:
-    return [_figure(figures.roll), _figure(figures.pitch), _figure(figures.yaw)]
+def _angles(figures: Angles) -> dict[str, str]:
+    return {name: _figure(getattr(figures, name)) for name in EULER}
 
 
 def _figure(value: float | None, digits: int = 3) -> str:

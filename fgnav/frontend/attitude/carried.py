@@ -23,7 +23,7 @@ def carried_attitudes(
 
     Those are valid whose heading is known by then. Each is from the nearest window whose motion
     determines the heading; causal, from the last such window by then, and valid from the end of the
-    first. Where none does, level, with the heading stated, that of the magnetic field, or zero.
+    first. Where none does, level, with the heading stated, of a baseline, of the field, or zero.
 
     Raises
     ------
@@ -44,7 +44,9 @@ def carried_attitudes(
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
     first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
     first_s = first_s if earlier is None else earlier.first_s
-    without_motion_s = heading_without_motion_s(flight.initial, flight.magnetometer, first_s)
+    given_s = without_motion_s = heading_without_motion_s(flight, first_s)
+    if earlier is not None:  # by samples that are gone
+        given_s = without_motion_s = min(without_motion_s, earlier.without_motion_s)
     R_level = np.eye(3) if earlier is None else earlier.R_level
     if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
@@ -59,6 +61,8 @@ def carried_attitudes(
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
         determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
     without_motion_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
+    # Which is first: a window that ends later is of the future, whenever it began.
+    is_without = without_motion_s <= _first(motion.until_s, determined_s)
     return Alignment(
         t_s=t_s,
         R_nb=spun(motion.own, t_s, R_nu),
@@ -67,8 +71,8 @@ def carried_attitudes(
         refused=np.zeros(len(t_s), dtype=np.bool_),
         own=motion.own,
         gyroscope_bias_b_radps=motion.bias_b_radps,
-        heading_from_s=min(without_motion_s, _first(motion.begun_s, determined_s)),
-        heading_known_s=min(without_motion_s, _first(motion.until_s, determined_s)),
+        heading_from_s=without_motion_s if is_without else _first(motion.begun_s, determined_s),
+        heading_known_s=without_motion_s if is_without else _first(motion.until_s, determined_s),
         notes=(OPEN_HEADING,) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=first_s,
@@ -78,6 +82,7 @@ def carried_attitudes(
             R_level=R_level,
             R_ub=motion.own.R_ub[0],
             windows=motion,
+            without_motion_s=given_s,
         ),
     )
 

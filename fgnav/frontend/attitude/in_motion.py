@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from fgnav.attitude.flight_vectors import Track
 from fgnav.attitude.own_rotation import OwnRotation, own_rotation
+from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.frontend.attitude.gyroscope_bias import gyroscope_bias
@@ -35,7 +36,6 @@ WINDOW_S = (
 _MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in the same order
 _FEWEST = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
-KNOWN_RAD = 0.25  # 1-sigma of a heading that counts: half a radian is two
 _BEGUN = 0.05  # of the information about heading lies before motion began: noise, at rest
 _GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
@@ -105,6 +105,7 @@ class EarlierMotion(NamedTuple):
     R_level: FloatArray  # (3, 3), by which the first specific force points up
     R_ub: FloatArray  # (3, 3), of the first inertial sample that is kept
     windows: InMotion
+    without_motion_s: float = np.inf  # since when a heading is known without motion
 
     def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
         """Return what is needed of it by samples after a time, the first of which is at R_ub.

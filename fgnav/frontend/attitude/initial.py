@@ -5,8 +5,9 @@ from typing import TypeGuard
 import numpy as np
 
 from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.attitude.receiver_baselines import KNOWN_RAD, BodyBaseline, heading_baselines
 from fgnav.checks import FloatArray
-from fgnav.frontend.attitude.in_motion import KNOWN_RAD, levelled
+from fgnav.frontend.attitude.in_motion import levelled
 from fgnav.frontend.matching import SAME_S
 from fgnav.geometry.rotations import euler_jacobian, exp, from_euler, to_euler
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior
@@ -19,8 +20,8 @@ LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes f
 def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> FloatArray:
     """Return R_nu, (3, 3), by which specific force up to a time points up.
 
-    Over a second, or as much of it as there is. The heading is that of the magnetic field, or zero;
-    angles that the flight states are as stated.
+    Over a second, or as much of it as there is. The heading is that of a baseline, else of the
+    magnetic field, or zero; angles that the flight states are as stated.
     """
     end = max(int(np.searchsorted(imu.t_s, at_s, side="right")), 1)
     begin = min(int(np.searchsorted(imu.t_s, at_s - LEVEL_S)), end - 1)
@@ -28,24 +29,27 @@ def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> Floa
     R_ub = own.at(np.array([at_s]))[0]
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
-    initial, sensor = flight.initial, flight.magnetometer
-    if heading_without_motion_s(initial, sensor, at_s) <= at_s and sensor is not None:
+    sensor = flight.magnetometer
+    baselines = [one for one in heading_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
+    if baselines:
+        R_nb = _turned_to_baseline(baselines[0], own, R_nb @ R_ub.T, at_s) @ R_ub
+    elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
         R_nb = _turned_to_field(sensor, own, R_nb @ R_ub.T, at_s) @ R_ub
-    return np.asarray(stated_attitude(initial, R_nb) @ R_ub.T)
+    return np.asarray(stated_attitude(flight.initial, R_nb) @ R_ub.T)
 
 
-def heading_without_motion_s(
-    initial: InitialAttitude | None, sensor: Magnetometer | None, first_s: float
-) -> float:
+def heading_without_motion_s(flight: Flight, first_s: float) -> float:
     """Return since when a heading is known without motion; infinite where it is not.
 
     That it was before the first epoch is minus infinity.
     """
-    if states_heading(initial):
+    if states_heading(flight.initial):
         return -np.inf
-    if not _field_determines_heading(sensor):
-        return np.inf
-    return -np.inf if sensor.t_s[0] <= first_s + SAME_S else float(sensor.t_s[0])
+    sensor = flight.magnetometer
+    begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
+    begins_s += [float(sensor.t_s[0])] if _field_determines_heading(sensor) else []
+    from_s = min(begins_s, default=np.inf)
+    return -np.inf if from_s <= first_s + SAME_S else from_s
 
 
 def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetometer]:
@@ -60,11 +64,29 @@ def _turned_to_field(
     sensor: Magnetometer, own: OwnRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of the samples by then."""
-    end = max(int(np.searchsorted(sensor.t_s, at_s + SAME_S)), 1)
-    begin = min(int(np.searchsorted(sensor.t_s, at_s - LEVEL_S)), end - 1)
-    R_lb = R_lu @ own.at(sensor.t_s[begin:end])
-    north, east, _ = np.einsum("nij,nj->i", R_lb, sensor.field_b_ut[begin:end])
-    yaw_rad = np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north)
+    rows = _last_second(sensor.t_s, at_s)
+    R_lb = R_lu @ own.at(sensor.t_s[rows])
+    north, east, _ = np.einsum("nij,nj->i", R_lb, sensor.field_b_ut[rows])
+    return _turned(R_lu, np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north))
+
+
+def _turned_to_baseline(
+    between: BodyBaseline, rotation: OwnRotation, R_lu: FloatArray, at_s: float
+) -> FloatArray:
+    """Return R_nu, (3, 3), level as R_lu is, with the heading of a baseline by then."""
+    rows = _last_second(between.of.t_s, at_s)
+    north, east, _ = (R_lu @ rotation.at(between.of.t_s[rows]) @ between.vector_b_m).T
+    turn = np.exp(1j * (between.of.heading_rad[rows] - np.arctan2(east, north)))
+    return _turned(R_lu, float(np.angle(turn.sum())))
+
+
+def _last_second(t_s: FloatArray, at_s: float) -> slice:
+    """Return the samples of the second up to a time, the last one at least."""
+    end = max(int(np.searchsorted(t_s, at_s + SAME_S)), 1)
+    return slice(min(int(np.searchsorted(t_s, at_s - LEVEL_S)), end - 1), end)
+
+
+def _turned(R_lu: FloatArray, yaw_rad: float) -> FloatArray:
     return np.asarray(exp(np.array([[0.0, 0.0, yaw_rad]]))[0] @ R_lu)
 
 

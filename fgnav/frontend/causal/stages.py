@@ -19,7 +19,7 @@ from fgnav.frontend.faulty_samples import without_stuck_so_far
 from fgnav.frontend.gaps import bridged
 from fgnav.frontend.position.by_observations import ByObservations
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.frontend.stages import Aligned, chosen_keyframes, inertial_record
+from fgnav.frontend.stages import Aligned, chosen_keyframes, inertial_record, measured_times_s
 from fgnav.geometry.interpolation import interpolate
 from fgnav.gravity import causal_gravity
 from fgnav.types.flight import Flight
@@ -47,7 +47,9 @@ def causal_aligned(
     imu = record.imu
     down = None if settings.gravity is None else causal_gravity(settings.gravity)(flight)
     epochs = _epochs(flight, by, earlier)
-    start, count, losses = chosen_keyframes(imu, epochs, causal=True, earlier=earlier)
+    start, count, losses = chosen_keyframes(
+        imu, epochs, measured_times_s(flight), causal=True, earlier=earlier
+    )
     R_open = None
     if start.own is not None and not start.valid[0]:
         R_nu = level_start(flight, imu, start.own, float(start.t_s[0]))

@@ -5,7 +5,6 @@ definition.
 """
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,13 +12,6 @@ from fgnav.checks import BoolArray
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
-SAMPLED = {
-    "imu": ("t_s", "f_b_mps2", "w_b_radps"),
-    "fixes": ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps"),
-    "seeker": ("t_s", "currents"),
-    "barometer": ("t_s", "height_m"),
-    "magnetometer": ("t_s", "field_b_ut"),
-}
 BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 BY_CHANNEL = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
@@ -30,7 +22,7 @@ def truncated(
     """Return a flight with all records cut: samples at ``until_s`` or before remain.
 
     With ``after_s`` those after it alone: what came since. Channels of satellites that are first
-    tracked later are gone, as if they had never been. A record without samples left is None.
+    tracked later are gone, as if they had never been, and records without samples left.
     Orbits stay, which are known beforehand, and truth.
 
     Parameters
@@ -48,20 +40,12 @@ def truncated(
     if base is not None:
         ground = _observations_until(base.observations, until_s + base_s, after_s + base_s)
         base = None if ground is None else replace(base, observations=ground)
-    cut = {
-        name: _until(getattr(flight, name), names, until_s, after_s)
-        for name, names in SAMPLED.items()
+    records = {
+        name: one if name == "truth" else one[(one.t_s <= until_s) & (one.t_s > after_s)]
+        for name, one in flight.records.items()
     }
-    return replace(flight, observations=observations, base=base, **cut)
-
-
-def _until(record: Any, sampled: tuple[str, ...], until_s: float, after_s: float) -> Any:  # noqa: ANN401  # any record
-    """Return a record's samples until a time; None without any."""
-    rows = None if record is None else (record.t_s <= until_s) & (record.t_s > after_s)
-    if rows is None or not rows.any():
-        return None
-    values = {name: getattr(record, name) for name in sampled}
-    return replace(record, **{n: v[rows] for n, v in values.items() if v is not None})
+    kept = {name: one for name, one in records.items() if len(one.t_s)}
+    return replace(flight, observations=observations, base=base).with_records(kept)
 
 
 def _observations_until(

@@ -12,7 +12,7 @@ from fgnav.frontend.position.by_observations import AntennaRecord, ByObservation
 from fgnav.frontend.position.numbered_arcs import Observed
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity
-from fgnav.types.flight import Fixes, Flight, Imu
+from fgnav.types.flight import Flight, Imu
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -21,21 +21,26 @@ class AntennaMotion:
 
     Attributes
     ----------
-    position : VectorSeries or None
-        Of fixes; of raw observations those of code, where a search starts.
+    positions : tuple of (str, VectorSeries)
+        Of antennas by name. By fixes; of raw observations by code, where a search starts.
     velocities : tuple of (str, VectorSeries)
-        Of antennas by name, no two at one keyframe.
+        Of antennas by name, of raw observations no two at one keyframe.
     phases : tuple of Observed
         Empty of fixes.
     losses : tuple of Loss
     notes : tuple of str
     """
 
-    position: VectorSeries | None
+    positions: tuple[tuple[str, VectorSeries], ...]
     velocities: tuple[tuple[str, VectorSeries], ...]
     phases: tuple[Observed, ...] = ()
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def position(self) -> VectorSeries | None:
+        """Of the first antenna, where a search starts."""
+        return self.positions[0][1] if self.positions else None
 
 
 def antenna_motion(
@@ -62,7 +67,10 @@ def antenna_motion(
     if by is None:
         return _of_fixes(flight, imu, start.t_s)
     first, *others = (_of_record(one, imu, start) for one in by.antennas)
-    return reduce(partial(_completed_by, start=start), others, first)
+    motion = reduce(partial(_completed_by, start=start), others, first)
+    count = sum(len(one.t_s) for one in flight.fixes)
+    instead = (Loss(what="fix", reason="raw observations are used instead", count=count),)
+    return replace(motion, losses=motion.losses + (instead if count else ()))
 
 
 def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:
@@ -79,8 +87,9 @@ def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMoti
     ):
         velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)
         velocities = ((antenna.name, _with_partial(velocity, directions, start.t_s)),)
+    position = _timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m)
     return AntennaMotion(
-        position=_timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m),
+        positions=((antenna.name, position),),
         velocities=velocities,
         phases=(phases,),
         losses=(*code.losses, *of.losses, *unused("code solution", len(code.t_s), matched)),
@@ -99,31 +108,31 @@ def _with_partial(velocity: VectorSeries, part: PartialVelocity, t_s: FloatArray
 
 
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
-    """Return motion by the receiver's fixes at keyframes."""
-    fixes = flight.fixes
-    if fixes is None:
-        return AntennaMotion(position=None, velocities=())
-    arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
-    row, matched = nearest(fixes.t_s, t_s)
-    covariance = _velocity_covariance(fixes)
-    velocities: tuple[tuple[str, VectorSeries], ...] = ()
-    if fixes.v_n_mps is not None and covariance is not None:
-        velocities = ((fixes.antenna, _timed(fixes.v_n_mps, covariance, row, matched, arm_b_m)),)
+    """Return motion by the receivers' fixes at keyframes."""
+    positions, velocities = [], []
+    losses: list[Loss] = []
+    for fixes in flight.fixes:
+        arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
+        row, matched = nearest(fixes.t_s, t_s)
+        noise = _diagonal(fixes.position_sigma_m)
+        positions.append((fixes.antenna, _timed(fixes.p_n_m, noise, row, matched, arm_b_m)))
+        if fixes.v_n_mps is not None and fixes.velocity_sigma_mps is not None:
+            noise = _diagonal(fixes.velocity_sigma_mps)
+            velocities.append((fixes.antenna, _timed(fixes.v_n_mps, noise, row, matched, arm_b_m)))
+        losses += unused("fix", len(fixes.t_s), matched)
     return AntennaMotion(
-        position=_timed(fixes.p_n_m, _diagonal(fixes.position_sigma_m), row, matched, arm_b_m),
-        velocities=velocities,
-        losses=unused("fix", len(fixes.t_s), matched),
+        positions=tuple(positions), velocities=tuple(velocities), losses=tuple(losses)
     )
 
 
 def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) -> AntennaMotion:
     """Take what is missing from another antenna's motion."""
-    position, theirs = first.position, other.position
+    positions, position, theirs = first.positions, first.position, other.position
     if position is not None and theirs is not None:
         lever_n_m = start.R_nb @ (position.arm_b_m - theirs.arm_b_m)
         missing = ~position.valid[:, None]
         value = np.where(missing, theirs.value + lever_n_m, position.value)
-        position = replace(position, value=value)
+        positions = ((first.positions[0][0], replace(position, value=value)),)
     has_velocity = np.any(
         [series.valid for _, series in first.velocities] or [np.zeros(len(start.t_s), bool)], axis=0
     )
@@ -133,7 +142,7 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
     ]
     return replace(
         first,
-        position=position,
+        positions=positions,
         velocities=(*first.velocities, *velocities),
         phases=(*first.phases, *other.phases),
         losses=(*first.losses, *other.losses),
@@ -154,7 +163,3 @@ def _timed(
 
 def _diagonal(sigma: FloatArray) -> FloatArray:
     return np.asarray(sigma[:, :, None] ** 2 * np.eye(3))
-
-
-def _velocity_covariance(fixes: Fixes) -> FloatArray | None:
-    return None if fixes.velocity_sigma_mps is None else _diagonal(fixes.velocity_sigma_mps)

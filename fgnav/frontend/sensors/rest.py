@@ -77,10 +77,9 @@ def moving_antenna(
         factor = np.where(at_rest, factors.get(name, 1.0), 1.0)
         return replace(series, covariance=series.covariance * factor[:, None, None] ** 2)
 
-    position = antenna.position
     return replace(
         antenna,
-        position=None if position is None else scaled(position, "position"),
+        positions=tuple((name, scaled(one, "position")) for name, one in antenna.positions),
         velocities=tuple((name, scaled(one, "velocity")) for name, one in antenna.velocities),
     )
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.sensors.aerodynamics import Airflow, airflow
+from fgnav.frontend.sensors.baselines import BaselineRows, baselines
 from fgnav.frontend.sensors.directional import gravity, sight
 from fgnav.frontend.sensors.resting_rates import RestingRates
 from fgnav.frontend.sensors.standstill import Standing
@@ -22,6 +23,7 @@ class Sensed:
 
     Attributes
     ----------
+    baselines : tuple of BaselineRows
     sight : Directions or None
         From the accelerometer to the landmark.
     gravity : Directions or None
@@ -34,6 +36,7 @@ class Sensed:
     losses : tuple of Loss
     """
 
+    baselines: tuple[BaselineRows, ...] = ()
     sight: Directions | None = None
     gravity: Directions | None = None
     heights: Heights | None = None
@@ -78,17 +81,19 @@ def sense(
     causal : bool
         Whether each keyframe may have samples up to it alone.
     """
+    between, baseline_losses = baselines(flight, t_s)
     seen, sight_losses = sight(flight.seeker, imu, t_s, p_n_m, causal=causal)
     down, gravity_losses = gravity(direction, t_s, causal=causal)
     high, height_losses = heights(flight, imu, t_s, p_n_m, causal=causal)
     vehicle = flight.vehicle
     field, field_losses = magnetic_field(flight.magnetometer, t_s, causal=causal)
     return Sensed(
+        baselines=between,
         sight=seen,
         gravity=down,
         heights=high,
         field=field,
         wheels=wheels(vehicle, imu, t_s) if isinstance(vehicle, WheeledVehicle) else None,
         airflow=airflow(vehicle, t_s, v_n_mps) if isinstance(vehicle, FinnedVehicle) else None,
-        losses=(*sight_losses, *gravity_losses, *height_losses, *field_losses),
+        losses=(*baseline_losses, *sight_losses, *gravity_losses, *height_losses, *field_losses),
     )

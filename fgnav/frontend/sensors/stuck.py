@@ -1,11 +1,8 @@
 """Barometer, detector and magnetometer without samples that only repeat the one before."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.frontend.causal.truncation import SAMPLED
 from fgnav.frontend.faulty_samples import STUCK, stuck_samples
 from fgnav.frontend.recording import coarse_step
 from fgnav.types.flight import Flight
@@ -27,15 +24,15 @@ def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
         lit = np.flatnonzero(seeker.currents.min(axis=1) > 0)
         stuck["seeker"] = np.zeros(len(seeker.t_s), dtype=np.bool_)
         stuck["seeker"][lit] = stuck_samples(seeker.currents[lit])
-    left, losses = flight, []
-    for name, bad in stuck.items():
-        if not bad.any():
-            continue
-        one = getattr(flight, name)
-        kept = replace(one, **{field: getattr(one, field)[~bad] for field in SAMPLED[name]})
-        left = replace(left, **{name: kept})
-        losses.append(Loss(what=f"{name} sample", reason=STUCK, count=int(bad.sum())))
-    return left, tuple(losses)
+    stuck = {name: bad for name, bad in stuck.items() if bad.any()}
+    if not stuck:
+        return flight, ()
+    records = {n: one[~stuck[n]] if n in stuck else one for n, one in flight.records.items()}
+    losses = tuple(
+        Loss(what=f"{name} sample", reason=STUCK, count=int(bad.sum()))
+        for name, bad in stuck.items()
+    )
+    return flight.with_records(records), losses
 
 
 def _stuck(x: FloatArray, noise: float) -> BoolArray:

@@ -9,7 +9,7 @@ from fgnav.geometry.rotations import quaternion_wxyz
 from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
 from fgnav.io.flight.local_frame import place_of_n, velocity_of_n
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH, utc_of_gps
 
 _SINGLE = 5  # RTKLIB's quality flag of a position that stands against no base
 _POS_HEAD = (
@@ -20,16 +20,28 @@ _POS_HEAD = (
 
 
 def write_tum(recorded: RecordedEstimate, path: Path) -> None:
-    """Write ``t_s tx ty tz qx qy qz qw`` of each epoch: position and attitude in the frame ``n``.
+    """Write ``timestamp tx ty tz qx qy qz qw`` of each epoch with a position.
 
-    Time is seconds since the flight's start; epochs without a position are left out.
+    Timestamps are UTC, seconds since 1970-01-01; positions are north, east, down of the origin that
+    the first lines state, and the quaternion turns body axes, forward, right, down, into these.
     """
     rows, p_n_m = positions(recorded)
-    estimate = recorded.estimate
-    w, x, y, z = quaternion_wxyz(estimate.R_nb[rows]).T
-    table = np.column_stack([estimate.t_s[rows], p_n_m, x, y, z, w])
-    lines = (" ".join(f"{value:.9f}" for value in row) for row in table.tolist())
-    write_text(path, "\n".join(["# t_s tx ty tz qx qy qz qw", *lines, ""]))
+    w, x, y, z = quaternion_wxyz(recorded.estimate.R_nb[rows]).T
+    utc = utc_of_gps(gps_times(recorded)[rows])
+    microseconds = ((utc - np.datetime64(0, "us")) / np.timedelta64(1, "us")).astype(np.int64)
+    at = recorded.origin
+    lines = [
+        "# timestamp: UTC, s since 1970-01-01; t: m north, east, down of latitude "
+        f"{np.degrees(at.latitude_rad):.9f} deg, longitude {np.degrees(at.longitude_rad):.9f} deg, "
+        f"height {at.height_m:.3f} m (WGS-84)",
+        "# q: from body axes, forward, right, down, to north, east, down of that origin",
+        "# timestamp tx ty tz qx qy qz qw",
+    ]
+    table = np.column_stack([p_n_m, x, y, z, w]).tolist()
+    for time_us, row in zip(microseconds.tolist(), table, strict=True):
+        stamp = f"{time_us // 1_000_000}.{time_us % 1_000_000:06d}"
+        lines.append(" ".join([stamp, *(f"{value:.9f}" for value in row)]))
+    write_text(path, "\n".join([*lines, ""]))
 
 
 def write_pos(recorded: RecordedEstimate, path: Path) -> None:

@@ -12,6 +12,13 @@ HEIGHT = ("height_m",)
 FIELD = ("mx_ut", "my_ut", "mz_ut")
 POSITION_SIGMA = ("sigma_n_m", "sigma_e_m", "sigma_d_m")
 VELOCITY_SIGMA = ("sigma_vn_mps", "sigma_ve_mps", "sigma_vd_mps")
+BASELINE = ("north_m", "east_m", "down_m")
+BASELINE_COVARIANCE = ("cov_ne_m2", "cov_nd_m2", "cov_ed_m2")
+HEADING, PITCH, LENGTH = ("heading_deg",), ("pitch_deg",), ("length_m",)
+HEADING_SIGMA, PITCH_SIGMA = ("sigma_heading_deg",), ("sigma_pitch_deg",)
+LENGTH_SIGMA = ("sigma_length_m",)
+BASELINE_GROUPS: tuple[tuple[str, ...], ...] = (BASELINE, POSITION_SIGMA, BASELINE_COVARIANCE)
+BASELINE_GROUPS += (HEADING, HEADING_SIGMA, PITCH, PITCH_SIGMA, LENGTH, LENGTH_SIGMA)
 # What no instrument and no flight has, by the end of a column's name; beyond lies damage, and the
 # squares of such numbers overflow. Seconds: 300 years; lengths: the Moon; accelerations and rates:
 # a thousand times those of a fired shell; a field: ten times the strongest magnet.

@@ -11,16 +11,18 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
-from fgnav.io.antennas import chosen, merge, named_alike
+from fgnav.io.antennas import merge, named_alike
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
+from fgnav.io.flight.baselines import baseline, local_axes
 from fgnav.io.flight.columns import CALIBRATION, CURRENTS
 from fgnav.io.flight.integers import read_integers
 from fgnav.io.flight.local_frame import columns_to_vectors, place_to_n
 from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import (
+    BaselineTable,
     FixesTable,
     FlightTable,
     GnssTable,
@@ -36,6 +38,7 @@ from fgnav.io.tables import read_table
 from fgnav.types.flight import (
     Antenna,
     Base,
+    Baseline,
     Fixes,
     Flight,
     GnssNoise,
@@ -100,10 +103,9 @@ def files_of(path: Path | str) -> tuple[Path, ...]:
     table = flight_toml.read_flight_toml(toml)
     names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
     names += [table.gnss.base.observations] if table.gnss.base else []
-    for part in (table.imu, table.fixes, table.barometer, table.magnetometer):
-        names += [part.samples] if part else []
-    names += [table.seeker.samples, table.seeker.calibration] if table.seeker else []
-    names += [table.truth.samples, table.truth.integers] if table.truth else []
+    names += [one.samples for one in table.sampled]
+    names += [table.seeker.calibration] if table.seeker else []
+    names += [table.truth.integers] if table.truth else []
     brought = networks.manifests(toml.parent, table.network)
     return (
         toml,
@@ -189,6 +191,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
             return None
         return make(read_table(folder / keys.samples, *series.COLUMNS[kind]), keys)
 
+    fixes = tuple(_fixes(folder, origin, keys) for keys in table.fixes)
+    baselines = tuple(_baseline(folder, origin, fixes, keys) for keys in table.baseline)
+
     gnss = table.gnss
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
@@ -210,7 +215,8 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         gnss_noise=_gnss_noise(gnss),
         base=base,
         imu=made("imu", series.imu),
-        fixes=made("fixes", partial(_fixes, folder, origin)),
+        fixes=fixes,
+        baselines=baselines,
         seeker=made("seeker", partial(_seeker, folder, origin)),
         barometer=made("barometer", series.barometer),
         magnetometer=made("magnetometer", series.magnetometer),
@@ -254,12 +260,10 @@ def _rinex(
     if base and not files:
         raise BadInputError("key gnss.base: needs antennas with observations, there are none")
     messages = [folder / name for name in table.gnss.navigation]
-    broadcast, receivers = read_rinex(messages, paths, start_gps_s)
+    broadcast, receivers = read_rinex(messages, paths, start_gps_s, table.gnss.signals)
     if not files:
         return broadcast, None, None
     observations = merge(receivers[: len(files)], names)
-    if table.gnss.signals:
-        observations = chosen(observations, table.gnss.signals)
     if base is None:
         return broadcast, observations, None
     position_e_m = np.array(base.position_e_m)
@@ -289,10 +293,17 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
     return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
 
 
-def _fixes(
-    folder: Path, origin: Origin, samples: dict[str, FloatArray], table: FixesTable
-) -> Fixes:
+def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
+    samples = read_table(folder / table.samples, *series.COLUMNS["fixes"])
     return series.fixes(samples, origin, table.antenna, where=folder / table.samples)
+
+
+def _baseline(
+    folder: Path, origin: Origin, fixes: tuple[Fixes, ...], table: BaselineTable
+) -> Baseline:
+    samples = read_table(folder / table.samples, *series.COLUMNS["baseline"])
+    R_nl = local_axes(origin, fixes, samples["t_s"])
+    return baseline(samples, table.antennas, R_nl, where=folder / table.samples)
 
 
 def _seeker(

@@ -11,6 +11,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight import usual_noise
 from fgnav.io.flight.columns import (
+    BASELINE_GROUPS,
     CURRENTS,
     EULER,
     EULER_SIGMA,
@@ -34,6 +35,7 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "imu": (("t_s", *FORCE), (RATE,)),
     "fixes": (("t_s", *PLACE), (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)),
+    "baseline": (("t_s",), BASELINE_GROUPS),
     "barometer": (("t_s", *HEIGHT), ()),
     "magnetometer": (("t_s", *FIELD), ()),
     "seeker": (("t_s", *CURRENTS), ()),
@@ -42,6 +44,7 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
         (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
     ),
 }
+
 LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 
 
@@ -118,13 +121,20 @@ def _sigma(
     names: tuple[str, ...],
     default: tuple[float, ...],
 ) -> FloatArray:
-    stated = _stated_sigma(where, samples, names)
+    stated = stated_sigma(where, samples, names)
     return np.tile(np.array(default), (len(samples["t_s"]), 1)) if stated is None else stated
 
 
-def _stated_sigma(
+def stated_sigma(
     where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
 ) -> FloatArray | None:
+    """Return standard deviations, (k, c); None where the samples have none.
+
+    Raises
+    ------
+    BadInputError
+        If one is not positive.
+    """
     if names[0] not in samples:
         return None
     sigma = columns_to_vectors(samples, names)
@@ -165,7 +175,7 @@ def truth(
     where: Path | str,
 ) -> Truth:
     """Return the truth, or a reference taken as such; ``where`` as of ``fixes``."""
-    euler_sigma_deg = _stated_sigma(where, samples, EULER_SIGMA)
+    euler_sigma_deg = stated_sigma(where, samples, EULER_SIGMA)
     p_n_m = place_to_n(origin, columns_to_vectors(samples, PLACE))
     return Truth(
         t_s=samples["t_s"],
@@ -174,7 +184,7 @@ def truth(
         R_nb=attitude_to_n(origin, p_n_m, columns_to_vectors(samples, EULER)),
         integers=integers,
         source=source,
-        position_sigma_m=_stated_sigma(where, samples, POSITION_SIGMA),
-        velocity_sigma_mps=_stated_sigma(where, samples, VELOCITY_SIGMA),
+        position_sigma_m=stated_sigma(where, samples, POSITION_SIGMA),
+        velocity_sigma_mps=stated_sigma(where, samples, VELOCITY_SIGMA),
         euler_sigma_rad=None if euler_sigma_deg is None else np.radians(euler_sigma_deg),
     )

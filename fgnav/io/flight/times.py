@@ -7,7 +7,7 @@ fills with samples: 600 million of them in a week at 1 kHz.
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.types.flight import SENSORS, Flight
+from fgnav.types.flight import Flight
 
 # What is a day apart was not recorded on one flight.
 LONGEST_S = 86_400.0
@@ -24,15 +24,14 @@ def check_times(flight: Flight) -> None:
     BadInputError
         Naming the series, the time and what may be wrong with it.
     """
-    series = {
-        name: one.t_s for name in (*SENSORS, "truth") if (one := getattr(flight, name)) is not None
-    }
+    series = {name: one.t_s for name, one in flight.records.items()}
     if flight.observations is not None:
         series["observations"] = flight.observations.t_s
     for name, t_s in series.items():
         _check_gaps(name, t_s)
-    gnss = "observations" if flight.observations is not None else "fixes"
-    if gnss not in series:
+    gnss = next((name for name in series if name.startswith("fixes")), "")
+    gnss = "observations" if flight.observations is not None else gnss
+    if not gnss:
         return
     first_s, last_s = series[gnss][[0, -1]]
     for name, t_s in series.items():

@@ -88,10 +88,17 @@ class ImuTable(ImuKeys, frozen=True, kw_only=True):
 
 
 class FixesTable(Table, frozen=True, kw_only=True):
-    """``[fixes]``."""
+    """``[[fixes]]``."""
 
     samples: str
     antenna: str
+
+
+class BaselineTable(Table, frozen=True, kw_only=True):
+    """``[[baseline]]``: from the first antenna to the second."""
+
+    samples: str
+    antennas: tuple[str, str]
 
 
 class SeekerTable(Table, frozen=True, kw_only=True):
@@ -201,14 +208,22 @@ class FlightTable(Table, frozen=True, kw_only=True):
     antenna: Annotated[tuple[AntennaTable, ...], msgspec.Meta(max_length=_MOST_ANTENNAS)] = ()
     network: tuple[NetworkTable, ...] = ()
     gnss: GnssTable = GnssTable()
+    fixes: tuple[FixesTable, ...] = ()
+    baseline: tuple[BaselineTable, ...] = ()
     imu: ImuTable | None = None
-    fixes: FixesTable | None = None
     seeker: SeekerTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
     vehicle: VehicleTable | None = None
     initial: InitialTable | None = None
     truth: TruthTable | None = None
+
+    @property
+    def sampled(self) -> list[Any]:
+        """Tables of records, in the order of ``Flight.records``."""
+        single = (self.seeker, self.barometer, self.magnetometer, self.truth)
+        tables = (self.imu, *self.fixes, *self.baseline, *single)
+        return [one for one in tables if one is not None]
 
 
 def read_flight_toml(path: Path) -> FlightTable:
@@ -225,6 +240,8 @@ def read_flight_toml(path: Path) -> FlightTable:
     got = content.get("format")
     if got != FORMAT:
         raise BadInputError(f"{path}: key format: must be {FORMAT!r}, got {quoted(got)}")
+    if isinstance(content.get("fixes"), dict):  # of one receiver
+        content["fixes"] = [content["fixes"]]
     return as_table(path, content, FlightTable)
 
 

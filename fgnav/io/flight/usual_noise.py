@@ -23,6 +23,8 @@ IMU = {
 # solution under open sky.
 POSITION_SIGMA_M = (3.0, 3.0, 5.0)
 VELOCITY_SIGMA_MPS = (0.1, 0.1, 0.1)
+# Fixed integers: data sheet of the u-blox ZED-F9P, .01 m, and .4 deg of a heading along 1 m.
+BASELINE_SIGMA_M = (0.01, 0.01, 0.02)
 
 
 def imu_noise(stated: dict[str, float | None], *, gyroscope: bool) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight import columns, networks
 from fgnav.io.flight import toml as flight_toml
+from fgnav.io.flight.baselines import baseline_blocks, local_axes
 from fgnav.io.flight.integers import write_integers
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.flight.usual_noise import IMU
@@ -20,7 +21,7 @@ from fgnav.io.sp3.writer import write_precise
 from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
 from fgnav.types.flight import (
-    SENSORS,
+    Baseline,
     Fixes,
     Flight,
     Imu,
@@ -62,7 +63,14 @@ def write_parts(
         network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
         imu=_imu(flight.imu, folder) if flight.imu else None,
-        fixes=_fixes(flight.fixes, flight.origin, folder) if flight.fixes else None,
+        fixes=tuple(
+            _fixes(one, flight.origin, folder, _numbered("fixes", k))
+            for k, one in enumerate(flight.fixes)
+        ),
+        baseline=tuple(
+            _baseline(one, flight, folder, _numbered("baseline", k))
+            for k, one in enumerate(flight.baselines)
+        ),
         seeker=_seeker(flight.seeker, flight.origin, folder) if flight.seeker else None,
         barometer=_barometer(flight.barometer, folder) if flight.barometer else None,
         magnetometer=_magnetometer(flight.magnetometer, folder) if flight.magnetometer else None,
@@ -78,11 +86,8 @@ def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]
 
     Of several files of orbits nobody knows how many each holds: they are not in it.
     """
-    counts = {}
-    for kind in (*SENSORS, "truth"):
-        keys, record = getattr(table, kind), getattr(flight, kind)
-        if keys is not None and record is not None:
-            counts[keys.samples] = len(record.t_s)
+    records = flight.records.values()
+    counts = {k.samples: len(one.t_s) for k, one in zip(table.sampled, records, strict=True)}
     if len(table.gnss.orbits) == 1 and flight.precise is not None:
         counts[table.gnss.orbits[0]] = len(flight.precise.t_s)
     if len(table.gnss.navigation) == 1 and flight.broadcast is not None:
@@ -203,12 +208,17 @@ def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
     return _keys(flight_toml.ImuTable, imu, samples="imu.csv", **noise)
 
 
-def _fixes(fixes: Fixes, origin: Origin, folder: Path) -> flight_toml.FixesTable:
+def _numbered(name: str, k: int) -> str:
+    """Return the name of the samples of one of several records."""
+    return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
+
+
+def _fixes(fixes: Fixes, origin: Origin, folder: Path, samples: str) -> flight_toml.FixesTable:
     velocity = None
     if fixes.v_n_mps is not None:
         velocity = velocity_of_n(origin, fixes.p_n_m, fixes.v_n_mps)
     _write(
-        folder / "fixes.csv",
+        folder / samples,
         fixes.t_s,
         (columns.PLACE, place_of_n(origin, fixes.p_n_m)),
         (columns.VELOCITY, velocity),
@@ -221,7 +231,15 @@ def _fixes(fixes: Fixes, origin: Origin, folder: Path) -> flight_toml.FixesTable
             None if "velocity" in fixes.unstated else fixes.velocity_sigma_mps,
         ),
     )
-    return flight_toml.FixesTable(samples="fixes.csv", antenna=fixes.antenna)
+    return flight_toml.FixesTable(samples=samples, antenna=fixes.antenna)
+
+
+def _baseline(
+    of: Baseline, flight: Flight, folder: Path, samples: str
+) -> flight_toml.BaselineTable:
+    R_nl = local_axes(flight.origin, flight.fixes, of.t_s)
+    _write(folder / samples, of.t_s, *baseline_blocks(of, R_nl))
+    return flight_toml.BaselineTable(samples=samples, antennas=of.antennas)
 
 
 def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerTable:

@@ -9,20 +9,20 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import series, usual_noise, writer
 from fgnav.io.flight import toml as flight_toml
+from fgnav.io.flight.baselines import baseline, local_axes
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
 from fgnav.io.importers.recording import Recording, cleaned
 from fgnav.io.importers.settings import Settings
-from fgnav.types.flight import Antenna, Flight, TruthSource
+from fgnav.types.flight import Antenna, Flight
 
 SETTINGS_NAME = "import.toml"
-_OWNERS = {"fixes": "receiver", "imu": "inertial unit"}
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 
 
@@ -53,27 +53,22 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     """
     recordings = [cleaned(_stated(one, settings)) for one in recordings]
     missing = {key: text for one in recordings for key, text in one.missing.items()}
-    losses = [loss for one in recordings for loss in one.losses]
     start_s = _start(recordings, settings, missing)
-    tables: dict[str, dict[str, FloatArray]] = {}
-    sources: dict[str, str] = {}
-    truth_source = next((one.truth_source for one in recordings if "truth" in one.tables), None)
-    for one in recordings:
-        shift_s = _shift(one, start_s, settings, missing)
-        for kind, rows in one.tables.items():
-            if kind in tables:
-                raise BadInputError(
-                    f"{one.source}: has {kind}, as {sources[kind]} has; a flight takes those of "
-                    f"one {_OWNERS.get(kind, 'instrument')}: import one of them, and the other as "
-                    "a flight of its own"
-                )
-            sources[kind] = one.source.name
-            tables[kind] = {**rows, "t_s": rows["t_s"] + shift_s}
-    observations = tuple(path for one in recordings for path in one.observations)
-    antennas = _antennas(settings, observations, "fixes" in tables, missing)
-    noise = {key: value for one in recordings for key, value in one.imu_noise.items()}
-    navigation = tuple(path for one in recordings for path in one.navigation)
-    orbits = tuple(path for one in recordings for path in one.orbits)
+    shifted = [_shifted(one, start_s, settings, missing) for one in recordings]
+    undated = [
+        one.source.name for one in recordings if one.clock == "own" and "fixes" in one.tables
+    ]
+    if len(undated) > 1:
+        missing["fixes"] = (
+            f"{', '.join(undated)} have clocks of their own: the first fix of each was laid on the "
+            "start. Where they share a clock, state start in [[csv]] of each"
+        )
+    observations, navigation, orbits = (
+        tuple(path for one in recordings for path in getattr(one, name))
+        for name in ("observations", "navigation", "orbits")
+    )
+    antennas = _antennas(settings, observations, shifted, missing)
+    tables = {kind: rows for one in reversed(shifted) for kind, rows in one.tables.items()}
     origin = origin_of(tables, observations, (navigation, orbits), start_s)
     if origin is None:
         missing["origin"] = "no file states a place: state one within some km of the flight"
@@ -83,9 +78,10 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         start_gps_s=start_s,
         origin=origin,
         antennas=antennas,
-        losses=tuple(losses),
+        losses=tuple(loss for one in recordings for loss in one.losses),
         gnss_noise=usual_noise.gnss_noise(dict.fromkeys(("code_m", "phase_m", "doppler_mps"))),
-        **_parts(tables, settings, noise, origin, antennas, truth_source),
+        **_receivers(shifted, origin, antennas),
+        **_instruments(shifted, settings, origin),
     )
     return Assembled(
         flight=flight,
@@ -138,36 +134,48 @@ def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[st
     return float(np.round(first, 3))
 
 
-def _shift(one: Recording, start_s: float, settings: Settings, missing: dict[str, str]) -> float:
-    """Return what to add to a file's times; a clock of its own has its first fix on the start."""
-    tables = one.tables
-    if one.clock == "gps" or not tables:
-        return one.gps_start_s - start_s
+def _shifted(
+    one: Recording, start_s: float, settings: Settings, missing: dict[str, str]
+) -> Recording:
+    """Return a recording on the flight's clock; one of its own has its first fix on the start."""
+    shift_s = one.gps_start_s - start_s
     if one.clock == "week":
-        return float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
-    if "fixes" not in tables and not settings.imu.clock_offset_s:
-        missing["imu.clock_offset_s"] = (
-            f"{one.source.name} has a clock of its own: its first sample was laid on the start. "
-            "State what to add to its times; `fgnav check` finds it within 20 s"
-        )
-    return -float(tables["fixes" if "fixes" in tables else next(iter(tables))]["t_s"][0])
+        shift_s = float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
+    elif one.clock == "own" and one.tables:
+        if "fixes" not in one.tables and not settings.imu.clock_offset_s:
+            missing["imu.clock_offset_s"] = (
+                f"{one.source.name} has a clock of its own: its first sample was laid on the "
+                "start. State what to add to its times; `fgnav check` finds it within 20 s"
+            )
+        first = one.tables.get("fixes", next(iter(one.tables.values())))
+        shift_s = -float(first["t_s"][0])
+    tables = {kind: {**rows, "t_s": rows["t_s"] + shift_s} for kind, rows in one.tables.items()}
+    return replace(one, tables=tables)
 
 
 def _antennas(
-    settings: Settings, observations: Sequence[Path], fixes: bool, missing: dict[str, str]
+    settings: Settings,
+    observations: Sequence[Path],
+    recordings: Sequence[Recording],
+    missing: dict[str, str],
 ) -> tuple[Antenna, ...]:
-    """Return the settings' antennas, else one of each observation file, or of the fixes."""
+    """Return the settings' antennas, else one of each observation file, or of each receiver."""
+    count = max((last for _, last in _places(recordings)), default=-1) + 1
     if settings.antenna:
-        if observations and len(observations) != len(settings.antenna):
+        if (observations and len(observations) != len(settings.antenna)) or count > len(
+            settings.antenna
+        ):
             raise BadInputError(
                 f"key antenna: {len(settings.antenna)} antennas in --settings, but "
-                f"{len(observations)} observation files"
+                f"{len(observations)} observation files, and fixes and baselines of {count}"
             )
         stated = settings.antenna
         return tuple(Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in stated)
-    names = [path.name.split(".")[0] for path in observations] or (["gps"] if fixes else [])
+    names = [path.name.split(".")[0] for path in observations]
     if len(set(names)) < len(names):
         names = [f"a{k + 1}" for k in range(len(names))]
+    others = [f"gps{k + 1}" for k in range(len(names), count)] if count > 1 else ["gps"] * count
+    names += others[: max(count - len(names), 0)]
     if names:
         missing["antenna.position_b_m"] = (
             "no file states where the antenna sits: state forward, right, down, m, from the "
@@ -176,32 +184,67 @@ def _antennas(
     return tuple(Antenna(name=name, position_b_m=np.zeros(3)) for name in names)
 
 
-def _parts(
-    tables: Mapping[str, dict[str, FloatArray]],
-    settings: Settings,
-    noise: Mapping[str, float],
-    origin: Origin,
-    antennas: tuple[Antenna, ...],
-    truth_source: TruthSource | None,
+def _places(recordings: Sequence[Recording]) -> list[tuple[int, int]]:
+    """Return the number of the antenna of each file's fixes, and that of its baseline's other end.
+
+    Files with fixes have an antenna each, in their order; a baseline is from it to the next one.
+    """
+    places, number = [], 0
+    for one in recordings:
+        if {"fixes", "baseline"} & set(one.tables):
+            places.append((number, number + ("baseline" in one.tables)))
+        else:
+            places.append((-1, -1))
+        number += "fixes" in one.tables
+    return places
+
+
+def _receivers(
+    recordings: Sequence[Recording], origin: Origin, antennas: Sequence[Antenna]
 ) -> dict[str, Any]:
-    """Return the parts of a flight by name."""
+    """Return fixes and baselines."""
+    fixes, baselines = [], []
+    for one, (first, second) in zip(recordings, _places(recordings), strict=True):
+        if "fixes" in one.tables:
+            fixes.append(
+                series.fixes(one.tables["fixes"], origin, antennas[first].name, where=one.source)
+            )
+        if "baseline" in one.tables:
+            ends = antennas[first].name, antennas[second].name
+            ends = ends[::-1] if one.baseline_ends_at_fixes else ends
+            rows = one.tables["baseline"]
+            R_nl = local_axes(origin, fixes, rows["t_s"])
+            baselines.append(baseline(rows, ends, R_nl, where=one.source))
+    return {"fixes": tuple(fixes), "baselines": tuple(baselines)}
+
+
+def _instruments(
+    recordings: Sequence[Recording], settings: Settings, origin: Origin
+) -> dict[str, Any]:
+    """Return the parts of a flight that it has one of, by name."""
     parts: dict[str, Any] = {}
-    if "imu" in tables:
-        usual = {key: value for key, value in noise.items() if getattr(settings.imu, key) is None}
-        unit = msgspec.structs.replace(settings.imu, **usual)
-        parts["imu"] = series.imu(tables["imu"], unit)
-    if "fixes" in tables:
-        parts["fixes"] = series.fixes(
-            tables["fixes"], origin, antennas[0].name, where="the imported fixes"
-        )
-    if "barometer" in tables and settings.barometer is not None:
-        parts["barometer"] = series.barometer(tables["barometer"], settings.barometer)
-    if "magnetometer" in tables and settings.magnetometer is not None:
-        parts["magnetometer"] = series.magnetometer(tables["magnetometer"], settings.magnetometer)
-    if "truth" in tables:
-        parts["truth"] = series.truth(
-            tables["truth"], origin, source=truth_source, where="the imported reference"
-        )
+    sources: dict[str, Path] = {}
+    for one in recordings:
+        for kind, rows in one.tables.items():
+            if kind in sources:
+                raise BadInputError(
+                    f"{one.source}: has {kind}, as {sources[kind].name} has; a flight takes those "
+                    "of one instrument: import one of them, and the other as a flight of its own"
+                )
+            if kind in ("fixes", "baseline"):
+                continue
+            sources[kind] = one.source
+            if kind == "imu":
+                unit = settings.imu
+                usual = {k: v for k, v in one.imu_noise.items() if getattr(unit, k) is None}
+                parts[kind] = series.imu(rows, msgspec.structs.replace(unit, **usual))
+            elif kind == "barometer" and settings.barometer is not None:
+                parts[kind] = series.barometer(rows, settings.barometer)
+            elif kind == "magnetometer" and settings.magnetometer is not None:
+                parts[kind] = series.magnetometer(rows, settings.magnetometer)
+            elif kind == "truth":
+                source = one.truth_source
+                parts[kind] = series.truth(rows, origin, source=source, where=one.source)
     return parts
 
 

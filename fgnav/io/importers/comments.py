@@ -17,6 +17,7 @@ _MEANING = {
     'wheels `fgnav check` finds them, where [vehicle] has kind = "wheeled".',
     "imu.clock_offset_s": "Added to t_s of the samples.",
     "fixes": "A receiver's own solution of one antenna.",
+    "baseline": "A receiver's vector or heading, from the first antenna to the second.",
     "truth": "A reference that estimates are judged by.",
 }
 _MISSING = {
@@ -36,29 +37,24 @@ _MISSING = {
 def comments(assembled: Assembled) -> dict[str, str]:
     """Return comments by key of flight.toml: meanings, then what only this flight lacks."""
     flight = assembled.flight
-    by_key = dict(_MEANING)
+    held = {"antenna": flight.antennas, "baseline": flight.baselines, "fixes": flight.fixes}
+    absent = {key for key, value in held.items() if not value}
+    absent |= {"imu"} if flight.imu is None else set()
+    by_key = {key: text for key, text in _MEANING.items() if key.split(".")[0] not in absent}
     if flight.truth is None:
         by_key["truth"] = _MISSING["truth"]
     if flight.imu is None:
-        by_key = {key: text for key, text in by_key.items() if not key.startswith("imu.")}
         by_key["imu"] = _MISSING["imu"]
     elif flight.imu.unstated:
-        by_key["imu.noise"] = "\n".join(
-            [
-                "Noise is not stated: it is identified, from these on. State the data sheet's:",
-                *(f"{name} = {IMU[name]}" for name in flight.imu.unstated),
-            ]
-        )
-    if flight.fixes is None:
-        by_key.pop("fixes")
-        if not assembled.observations:
-            by_key["fixes"] = _MISSING["fixes"]
+        text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
+        usual = [f"{name} = {IMU[name]}" for name in flight.imu.unstated]
+        by_key["imu.noise"] = "\n".join([text, *usual])
     if assembled.observations:
         by_key["gnss.base"] = _MISSING["base"]
         if not (assembled.navigation or assembled.orbits):
             by_key["gnss.navigation"] = _MISSING["navigation"]
-    if not flight.antennas:
-        by_key.pop("antenna")
+    elif not flight.fixes:
+        by_key["fixes"] = _MISSING["fixes"]
     texts = [*assembled.notes.items()]
     texts += [(key, f"EDIT: {text}") for key, text in assembled.missing.items()]
     for key, text in texts:

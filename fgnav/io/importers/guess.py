@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
-from fgnav.io.flight.columns import FORCE, PLACE, RATE, VELOCITY
+from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, RATE, VELOCITY
 from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
 from fgnav.io.tables import is_number
@@ -28,6 +28,7 @@ _TRIPLES = (
     (RATE, "xyz", r"(?:g|w)(?:_rs_s)?|gyr\w*?|omega|ang\w*(?:vel|rate)\w*|rate", r"gyr\w*"),
 )
 _AXIS_WORDS = {"n": "n(?:orth)?", "e": "e(?:ast)?", "d": "d(?:own)?", "u": "u(?:p)?"}
+_POSITION = r"(?:.*[_./ ])?(?:p(?:os\w*)?[_. ]?{axis}|{axis}(?:[_. ]?pos\w*)?)"
 _VELOCITY = r"(?:.*[_./ ])?(?:v(?:el\w*)?[_. ]?{axis}|{axis}[_. ]?v(?:el\w*)?)"
 _NAMES = (
     {
@@ -42,11 +43,15 @@ _NAMES = (
         for k, (name, axis) in enumerate(zip(names, axes, strict=True))
     }
     | {
-        name: _VELOCITY.format(axis=_AXIS_WORDS[axis])
-        for name, axis in zip(VELOCITY, "ned", strict=True)
+        name: pattern.format(axis=_AXIS_WORDS[axis])
+        for names, pattern in ((VELOCITY, _VELOCITY), (BASELINE, _POSITION))
+        for name, axis in zip(names, "ned", strict=True)
     }
 )
-_UP = re.compile(_VELOCITY.format(axis=_AXIS_WORDS["u"]))
+_UP = {
+    names[2]: re.compile(pattern.format(axis=_AXIS_WORDS["u"]))
+    for names, pattern in ((VELOCITY, _VELOCITY), (BASELINE, _POSITION))
+}
 _NO_VALUE = re.compile(r"sigma|std|sd[neuv]|acc(?:uracy)?$|err|cov|var|dop|rms|valid|status")
 _ABOVE_SEA = re.compile(r"msl|sea|geoid|undul|agl|baro|rel")
 # Units in names, by what the flight's column ends in; the first that fits counts.
@@ -130,12 +135,12 @@ def guessed(path: Path) -> CsvTable:
     x = np.array([[float(c) if is_number(c) else np.nan for c in row] for row in body])
     dates = [k for k in range(width) if any(is_date(r[k]) and ":" in r[k] for r in body[:100])]
     names = _by_name(head, x, dates)
-    by_numbers = not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE))
+    by_numbers = not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE, BASELINE))
     if by_numbers:
         _refuse_partly_named(path, head, names)
         names = _by_numbers(path, x, names)
     kind = "imu" if set(FORCE) <= set(names) else "fixes"
-    wanted = FORCE if kind == "imu" else PLACE
+    wanted = next((some for some in (FORCE, PLACE) if set(some) <= set(names)), BASELINE)
     if "t_s" not in names or not set(wanted) <= set(names):
         raise BadInputError(
             f"{path}: neither specific force nor places are found in its columns, or no time; "
@@ -144,8 +149,9 @@ def guessed(path: Path) -> CsvTable:
     groups = ("t_s",), wanted, RATE if kind == "imu" else VELOCITY
     places = {n: names[n] for group in groups if set(group) <= set(names) for n in group}
     columns: dict[str, str | int] = {n: head[k] if header else k + 1 for n, k in places.items()}
-    if VELOCITY[2] in places and header and _UP.fullmatch(_plain(head[places[VELOCITY[2]]])):
-        columns[VELOCITY[2]] = f"-{columns[VELOCITY[2]]}"
+    for name in set(_UP) & set(places) if header else ():
+        if _UP[name].fullmatch(_plain(head[places[name]])):
+            columns[name] = f"-{columns[name]}"
     units, unconfirmed = _units(path, kind, places, x, head)
     unconfirmed += ["columns"] * (by_numbers and header)
     clock, is_open = _clock(units["s"], places["t_s"], x, head, body)
@@ -184,9 +190,9 @@ def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]
         places = [k for k, cell in enumerate(plain) if re.fullmatch(pattern, cell)]
         if name == "t_s":
             places = [k for k in places if k in dates or _runs(x[:, k])]
-        elif name == VELOCITY[2]:
-            places = places or [k for k, cell in enumerate(plain) if _UP.fullmatch(cell)]
-        if name in (*PLACE, *VELOCITY):
+        elif name in _UP:
+            places = places or [k for k, cell in enumerate(plain) if _UP[name].fullmatch(cell)]
+        if name in (*PLACE, *VELOCITY, *BASELINE):
             places = [k for k in places if not _NO_VALUE.search(plain[k])]
         if name == PLACE[2]:
             places.sort(key=lambda k: _ABOVE_SEA.search(plain[k]) is not None)
@@ -207,7 +213,7 @@ def _runs(column: FloatArray) -> bool:
 
 def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> None:
     """Refuse a header that names some of what is needed: numbers must not decide the rest."""
-    named = [name for name in names if name in FORCE + RATE + PLACE + VELOCITY]
+    named = [name for name in names if name in FORCE + RATE + PLACE + VELOCITY + BASELINE]
     if named:
         raise BadInputError(
             f"{path}: header must name a time (numbers, or a date and a time of day in one column) "
@@ -306,7 +312,9 @@ def _fix_units(
     path: Path, units: dict[str, str], columns: dict[str, FloatArray]
 ) -> tuple[dict[str, str], list[str]]:
     """Return units with those of places and velocities, and those in doubt."""
-    unconfirmed = []
+    unconfirmed = list[str]()
+    if not columns["deg"].size:  # north, east, down
+        return units, unconfirmed
     largest = np.nanmax(np.abs(columns["deg"]), axis=0)
     if "deg" not in units and 360 < largest.max() <= _MOST_MINUTES:
         raise BadInputError(

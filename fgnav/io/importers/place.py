@@ -10,12 +10,12 @@ from fgnav.geometry.earth import Origin, geodetic
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.io.flight.columns import PLACE
 from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
 from fgnav.io.sp3.reader import read_precise
 from fgnav.types.flight import Antenna, Flight
 
-_HEAD_BYTES = 40_000  # of a RINEX file; headers have some 5 kB
 _NOWHERE = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
 
 
@@ -65,7 +65,7 @@ def first_epoch_gps_s(path: Path) -> float | None:
 
 def _header(path: Path) -> dict[str, str]:
     """Return the header lines of a RINEX file by their labels."""
-    lines = read_text(path)[:_HEAD_BYTES].tobytes().decode("ascii", "replace").splitlines()
+    lines = read_header(path, read_text(path), "observations").content
     return {line[60:].strip(): line[:60] for line in reversed(lines)}
 
 

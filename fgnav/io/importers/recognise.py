@@ -1,10 +1,16 @@
-"""Of which format a file is: by its first bytes, by its name where these say nothing."""
+"""Of which format a file is: by its content, by its name where that says nothing."""
 
 import re
 from pathlib import Path
+from tempfile import mkdtemp
 
-from fgnav.checks import BadInputError, quoted
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.importers import importer_names
+from fgnav.io.importers.formats.kfgins import is_increments
+from fgnav.io.tables import is_number
+from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, unpacked
 
 # First bytes, as the formats' documents have them.
 _MAGIC = (
@@ -16,9 +22,15 @@ _MAGIC = (
     (b"\x89MCAP0", "mcap"),
     (b"#ROSBAG", "rosbag"),
     (b"SQLite format 3", "rosbag"),
-    (b"#c", "sp3"),
-    (b"#d", "sp3"),
     (b"\xd3", "rtcm3"),
+)
+# Lines of the beginning.
+_LINES = (
+    (rb".{60}(?:RINEX VERSION / TYPE|CRINEX VERS)", "rinex"),
+    (rb"#[a-d][PV]\d{4} ", "sp3"),
+    (rb"%.*[ ,;\t]Q[ ,;\t]", "pos"),
+    (rb"\$(?:[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]|HDT|THS)|PASHR),", "nmea"),
+    (rb"[#%](?:BESTPOS|BESTVEL|RANGE|HEADING2?)A,", "novatel"),
 )
 _SUFFIXES = {
     ".csv": "csv",
@@ -30,18 +42,23 @@ _SUFFIXES = {
     ".nmea": "nmea",
     ".sp3": "sp3",
     ".bin": "ardupilot",
-    ".gz": "rinex",
     ".crx": "rinex",
 }
-_HEAD_BYTES = 4096
+_HEAD_BYTES = 8192
+_TAKEN_PACKED = ("rinex", "sp3")  # their readers unpack
 
 
 class UnknownFormatError(BadInputError):
     """Nothing tells what format a file is of."""
 
 
-def recognised(path: Path) -> str:
-    """Return the name of a file's format.
+def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[str, Path]:  # noqa: A002
+    """Return a file's format, and the file; what is packed is unpacked into a folder.
+
+    Parameters
+    ----------
+    format : str or None
+        Its format, where the user states it.
 
     Raises
     ------
@@ -50,26 +67,64 @@ def recognised(path: Path) -> str:
     UnknownFormatError
         If nothing tells its format: the text lists what there is.
     """
-    if (path / "metadata.yaml").is_file():
-        return "rosbag"
+    file = plain(path, scratch)
+    name = format or ("rosbag" if file.is_dir() else _format(file))
+    return name, path if name in _TAKEN_PACKED else file
+
+
+def plain(path: Path, scratch: Path) -> Path:
+    """Return a file, or where it is packed what it holds, unpacked into a folder."""
+    if (path / "metadata.yaml").is_file():  # a bag of ROS 2
+        return path
+    if path.is_dir():
+        raise BadInputError(f"{path}: is a folder, and no bag; name the files in it")
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
+    with path.open("rb") as stream:
+        head = stream.read(8)
+    if not head.startswith(tuple(PACKED)):
+        return path
+    target = Path(mkdtemp(dir=scratch)) / plain_name(path.name)
+    target.write_bytes(unpacked(path, read_bytes(path)))
+    return target
+
+
+def _format(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
     for magic, name in _MAGIC:
         if head.startswith(magic):
             return name
     lines = head.split(b"\n")
-    if any(mark in lines[0] for mark in (b"RINEX VERSION / TYPE", b"CRINEX VERS")):
-        return "rinex"
-    if any(line.startswith(b"%") and re.search(rb"[ ,;\t]Q[ ,;\t]", line) for line in lines):
-        return "pos"
-    if any(re.match(rb"\$[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]),", one) for one in lines):
-        return "nmea"
+    for pattern, name in _LINES:
+        if any(re.match(pattern, line) for line in lines):
+            return name
     named = _SUFFIXES.get(path.suffix.lower())
+    if named not in (None, "csv"):
+        return str(named)
+    text = head.decode(encoding_of(head[:4]), "replace")
+    whole = text.splitlines()[: -1 if len(head) == _HEAD_BYTES else None]
+    rows = [line.replace(",", " ").split() for line in whole]
+    rows = [row for row in rows if row and all(map(is_number, row))]
+    width = {len(row) for row in rows}
+    is_table = len(rows) > 1 and len(width) == 1 and width <= {7, 11} and b"," not in head
+    if is_table and _is_kfgins(np.array(rows, np.float64)):
+        return "kfgins"
     if named is None:
         raise UnknownFormatError(
-            f"{path}: of no known format, it starts with {quoted(head[:12])}; state it by fgnav "
-            f"import --format, one of {', '.join(importer_names())}"
+            f"{path}: of no known format, it starts with {quoted(head[:12])}; state it by "
+            f"--format, one of {', '.join(importer_names())}"
         )
     return named
+
+
+def _is_kfgins(x: FloatArray) -> bool:
+    """Return True if rows may be KF-GINS's: a reference, increments, or fixes with sigmas."""
+    shift = int(x.shape[1] == 11)  # a week goes before
+    if not (np.diff(x[:, shift]) > 0).all() or not (np.abs(x[:, shift]) <= 604_800).all():
+        return False
+    if shift:
+        return bool((x[:, 0] == np.round(x[:, 0])).all() and (np.abs(x[:, 2]) <= 90).all())
+    largest = np.abs(x).max(axis=0)
+    places = largest[1] <= 90 and largest[2] <= 180 and (x[:, 4:] > 0).all()
+    return bool(is_increments(x) or (places and (x[:, 1:3] % 1e-3 != 0).any()))

@@ -30,14 +30,16 @@ class Recording:
     source : Path
         The file, for texts.
     tables : mapping of str to (mapping of str to ndarray, shape (k,))
-        By kind, ``imu``, ``fixes``, ``barometer``, ``magnetometer`` or ``truth``; columns as
-        ``fgnav.io.flight.series.COLUMNS`` has them. Values may be NaN, times may repeat: such rows
-        are left out and counted.
+        By kind, ``imu``, ``fixes``, ``baseline``, ``barometer``, ``magnetometer`` or ``truth``;
+        columns as ``fgnav.io.flight.series.COLUMNS`` has them. Values may be NaN, times may
+        repeat: such rows are left out and counted.
     clock : {"gps", "week", "own"}
         What ``t_s`` counts from: ``gps_start_s``; the start of a GPS week that the file does not
         state; or something else, such as power-on.
     gps_start_s : float
         Of ``clock="gps"``: GPS time of ``t_s = 0``, seconds since 1980-01-06.
+    baseline_ends_at_fixes : bool
+        Whether the baseline leads to the antenna of the fixes, not from it to another.
     truth_source : {"simulated", "survey", "filter"} or None
         What made the table ``truth``.
     imu_noise : mapping of str to float
@@ -52,6 +54,7 @@ class Recording:
     tables: Mapping[str, Samples] = field(default_factory=dict)
     clock: Clock = "gps"
     gps_start_s: float = 0.0
+    baseline_ends_at_fixes: bool = False
     truth_source: TruthSource | None = None
     imu_noise: Mapping[str, float] = field(default_factory=dict)
     observations: tuple[Path, ...] = ()

@@ -7,8 +7,9 @@ from typing import Literal
 import msgspec
 
 from fgnav.checks import quoted
+from fgnav.io.flight.columns import BASELINE
 from fgnav.io.flight.series import COLUMNS
-from fgnav.io.flight.toml import AntennaTable, BarometerKeys, ImuKeys, MagnetometerKeys
+from fgnav.io.flight.toml import AntennaTable, BarometerKeys, ImuKeys, MagnetometerKeys, Place
 from fgnav.io.strict_toml import Table, as_table, read_toml
 
 Kind = Literal["imu", "fixes", "barometer", "magnetometer", "truth"]
@@ -33,7 +34,8 @@ class CsvTable(Table, frozen=True, kw_only=True):
     """``[[csv]]``: one table of samples in a text file of columns.
 
     ``columns``: for each column of the flight format, the file's by name, or by number from 1; a
-    leading minus reverses the sign. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
+    leading minus reverses the sign; of fixes ``north_m``, ``east_m``, ``down_m`` from the settings'
+    ``origin`` stand for a place. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
     ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units,
     ``clock`` or ``columns``, that ``fgnav new`` has guessed without evidence.
     """
@@ -53,6 +55,8 @@ class CsvTable(Table, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check columns against those of the flight format, and units."""
         required, groups = COLUMNS[self.table]
+        if self.table == "fixes" and BASELINE[0] in self.columns:
+            required = ("t_s", *BASELINE)
         allowed = [*required, *(name for group in groups for name in group)]
         for name in self.columns:
             if name not in allowed:
@@ -85,10 +89,15 @@ class RosTable(Table, frozen=True, kw_only=True):
 
 
 class Settings(Table, frozen=True, kw_only=True):
-    """The whole file; tables as in flight.toml, ``start`` where no file states a date."""
+    """The whole file; tables as in flight.toml, ``start`` where no file states a date.
+
+    ``solution``: whether a receiver's file gives its fixes rather than its raw measurements.
+    """
 
     name: str | None = None
     start: str | None = None
+    solution: bool | None = None
+    origin: Place | None = None
     antenna: tuple[AntennaTable, ...] = ()
     imu: ImuKeys = ImuKeys()
     barometer: BarometerKeys | None = None

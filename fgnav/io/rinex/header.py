@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -12,11 +12,13 @@ from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import is_number
 
-MAX_TYPES = 99  # more than any receiver tracks
-_TYPE_2 = re.compile(r"[CLPDS][1-9A-Z]")
-_TYPE_3 = re.compile(r"[CLDSIX][0-9][A-Z0-9]?")
-_VERSIONS = {2: (2.00, 2.11), 3: (3.00, 3.05), 4: (4.00, 4.02)}
+_MOST_TYPES = 99  # more than any receiver tracks
+_TYPE = {2: re.compile(r"[CLPDS][1-9A-Z]"), 3: re.compile(r"[CLDSIX][0-9][A-Z0-9]?")}
+_VERSIONS = {2: (2.00, 2.12), 3: (3.00, 3.05), 4: (4.00, 4.02)}
 _SYSTEMS = "GRECJSI"
+_TIMES = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}
+_NAVIGATION_2 = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}  # constellations by file type
+_MOST_BYTES = 1 << 20  # a head of a megabyte is no head
 
 Kind = Literal["observations", "navigation"]
 
@@ -35,11 +37,28 @@ class Header:
     last_us: int | None
     interval_s: float | None  # announced time between epochs
     klobuchar: tuple[float, ...]  # GPS ionosphere, alpha and beta; zeros where absent
-    # size, lines: bytes and lines of the head, its last line included
-    size: int
-    lines: int
+    size: int  # bytes of the head, its last line included
+    content: tuple[str, ...]  # its lines
     # divisor of values by constellation and type, 1 where absent
     scales: dict[tuple[str, str], int] = field(default_factory=dict)
+    # satellites, "" for all, and carriers whose phases may be off by half a cycle
+    half_cycles: frozenset[tuple[str, str]] = frozenset()
+
+    @property
+    def lines(self) -> int:
+        """Return the number of its lines."""
+        return len(self.content)
+
+
+class _Line(NamedTuple):
+    path: Path
+    number: int
+    text: str  # the first 60 columns
+    label: str
+    whole: str
+
+    def fault(self, rule: str, got: str) -> BadInputError:
+        return BadInputError(f"{self.path}: line {self.number}: {rule}, got {quoted(got)}")
 
 
 def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
@@ -60,239 +79,180 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         Naming file, line, rule and value.
     """
     lines, size = _lines(path, text)
-    version, system = _version(path, lines[0], kind)
-    labelled = [(number, line[:60], line[60:].strip()) for number, line in enumerate(lines, 1)]
+    version, system = _version(lines[0], kind)
     types: dict[str, tuple[str, ...]] = {}
-    scales: dict[tuple[str, str], int] = {}
-    time_system = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}.get(system, "GPS")
+    time_system = _TIMES.get(system, "GPS")
     if kind == "observations":
-        if version < 3:
-            types = dict.fromkeys(_SYSTEMS, _types_2(path, labelled))
-        else:
-            types = _types_3(path, labelled, version)
-        first = [line for _, line, label in labelled if label == "TIME OF FIRST OBS"]
-        if not first:
+        types = _types(path, lines, version)
+        first = next((one for one in lines if one.label == "TIME OF FIRST OBS"), None)
+        if first is None:
             raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
-        time_system = first[0][48:51].strip() or time_system
-        if time_system not in ("GPS", "GLO", "GAL", "QZS", "BDT"):
-            raise BadInputError(
-                f"{path}: time system must be GPS, GLO, GAL, QZS or BDT, got {quoted(time_system)}"
-            )
-        scales = _scales(path, labelled, types)
+        last = first.text.split()[-1:]  # wherever it stands
+        time_system = last[0] if last and last[0].isalpha() else time_system
+        if time_system not in ("GPS", *_TIMES.values()):
+            raise first.fault("time system must be GPS, GLO, GAL, QZS or BDT", time_system)
     return Header(
         path=path,
         version=version,
         system=system,
         types=types,
         time_system=time_system,
-        last_us=_last_us(path, labelled),
-        interval_s=_interval_s(labelled),
-        klobuchar=_klobuchar(path, labelled),
+        last_us=_last_us(lines),
+        interval_s=_interval_s(lines),
+        klobuchar=_klobuchar(lines, system),
         size=size,
-        lines=len(lines),
-        scales=scales,
+        content=tuple(one.whole for one in lines),
+        scales=_scales(lines, types),
+        half_cycles=_half_cycles(lines),
     )
 
 
-def _lines(path: Path, text: Bytes) -> tuple[list[str], int]:
+def _lines(path: Path, text: Bytes) -> tuple[list[_Line], int]:
     """Return the lines of the head and the offset of the body."""
-    lines: list[str] = []
-    offset = 0
-    head = text[: 1 << 20].tobytes().decode("latin-1")  # a head of a megabyte is no head
-    while offset < len(head):
-        end = head.find("\n", offset)
-        if end < 0:
-            break
-        lines.append(head[offset:end].rstrip("\r"))
-        offset = end + 1
-        if len(lines) == 1 and "RINEX VERSION / TYPE" not in lines[0][60:]:
-            break
-        if lines[-1][60:].startswith("END OF HEADER"):
-            return lines, offset
-    if not lines or "RINEX VERSION / TYPE" not in lines[0][60:]:
-        got = head[:60].split("\n")[0]
-        raise BadInputError(f"{path}: line 1: must be RINEX VERSION / TYPE, got {quoted(got)}")
-    raise BadInputError(
-        f"{path}: line {len(lines)}: header must end with END OF HEADER, it does not"
-    )
-
-
-def _version(path: Path, line: str, kind: Kind) -> tuple[float, str]:
-    """Return the version and the constellation's letter, of a file of the expected kind."""
-    try:
-        version = float(line[:9])
-    except ValueError as error:
+    head = text[:_MOST_BYTES].tobytes()
+    first = head.split(b"\n", 1)[0].decode("latin-1")
+    if "RINEX VERSION / TYPE" not in first[60:]:
         raise BadInputError(
-            f"{path}: line 1: RINEX version must be a number, got {quoted(line[:9])}"
-        ) from error
+            f"{path}: line 1: must be RINEX VERSION / TYPE, got {quoted(first[:60])}"
+        )
+    end = re.search(rb"^.{60}END OF HEADER.*\n", head, re.MULTILINE)
+    if end is None:
+        raise BadInputError(
+            f"{path}: line {head.count(10)}: header must end with END OF HEADER, it does not"
+        )
+    content = head[: end.end()].decode("latin-1").splitlines()
+    return [
+        _Line(path, k, one[:60].ljust(60), one[60:].strip(), one.rstrip())
+        for k, one in enumerate(content, 1)
+    ], end.end()
+
+
+def _version(line: _Line, kind: Kind) -> tuple[float, str]:
+    """Return the version and the constellation's letter, of a file of the expected kind."""
+    if not is_number(line.text[:9]):
+        raise line.fault("RINEX version must be a number", line.text[:9])
+    version = float(line.text[:9])
     low, high = _VERSIONS.get(int(version) if np.isfinite(version) else 0, (1.0, 0.0))
     if not low <= round(version, 3) <= high:
-        raise BadInputError(
-            f"{path}: line 1: RINEX version must be 2.00-2.11, 3.00-3.05 or 4.00-4.02, "
-            f"got {version:g}"
-        )
-    letter = line[20:21]
-    is_observation = letter == "O"
-    if is_observation != (kind == "observations") or letter not in "ONGHJLE":
-        raise BadInputError(
-            f"{path}: line 1: must be a RINEX {kind} file, got {quoted(line[20:40].strip())}"
-        )
-    system = line[40:41].strip() or ("G" if version < 3 else "M")
-    if not is_observation and version < 3 and letter != "N":
-        system = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}[letter]
+        raise line.fault("RINEX version must be 2.00-2.12, 3.00-3.05 or 4.00-4.02", f"{version:g}")
+    letter = line.text[20:21]
+    if (letter == "O") != (kind == "observations") or letter not in "ONGHJLE":
+        raise line.fault(f"must be a RINEX {kind} file", line.text[20:40].strip())
+    system = line.text[40:41].strip() or ("G" if version < 3 else "M")
+    if version < 3:
+        system = _NAVIGATION_2.get(letter, system)
     if system not in _SYSTEMS + "M":
-        raise BadInputError(
-            f"{path}: line 1: constellation must be one of GRECJSIM, got {quoted(system)}"
-        )
+        raise line.fault("constellation must be one of GRECJSIM", system)
     return version, system
 
 
-def _types_3(
-    path: Path, labelled: list[tuple[int, str, str]], version: float
-) -> dict[str, tuple[str, ...]]:
-    """Return the observation types of a RINEX 3 or 4 head, BeiDou's B1I always named 2I."""
-    found: dict[str, tuple[int, int, list[str]]] = {}
+def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[str, ...]]:
+    """Return the observation types by constellation, BeiDou's B1I always named 2I."""
+    label = "# / TYPES OF OBSERV" if version < 3 else "SYS / # / OBS TYPES"
+    listed = [line for line in lines if line.label == label]
+    if not listed:
+        raise BadInputError(f"{path}: header must have {label}, it is missing")
+    if version < 3:
+        names = [name for line in listed for name in line.text[6:].split()]
+        return dict.fromkeys(_SYSTEMS, _checked(listed[0], listed[0].text[:6], names, _TYPE[2]))
+    found: dict[str, tuple[_Line, str, list[str]]] = {}
     letter = ""
-    for number, line, label in labelled:
-        if label != "SYS / # / OBS TYPES":
-            continue
-        if line[0] != " ":
-            letter = line[0]
+    for line in listed:
+        if line.text[0] != " ":
+            letter = line.text[0]
             if letter not in _SYSTEMS or letter in found:
-                raise BadInputError(
-                    f"{path}: line {number}: constellation must be new and one of {_SYSTEMS}, "
-                    f"got {quoted(letter)}"
-                )
-            found[letter] = (number, _count(path, number, line[3:6]), [])
-        elif not letter:
-            raise BadInputError(f"{path}: line {number}: OBS TYPES must start with a constellation")
-        found[letter][2].extend(line[6:58].split())
-    if not found:
-        raise BadInputError(f"{path}: header must have SYS / # / OBS TYPES, it is missing")
-    types = {}
-    for letter, (number, count, names) in found.items():
-        _check_types(path, number, count, names, _TYPE_3)
-        if letter == "C" and round(version, 2) == 3.02:
-            names = [name[0] + name[1].replace("1", "2") + name[2:] for name in names]  # noqa: PLW2901
-        types[letter] = tuple(names)
+                raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
+            found[letter] = line, line.text[3:6], []
+        if not letter:
+            raise line.fault("OBS TYPES must start with a constellation", line.text)
+        found[letter][2].extend(line.text[6:].split())
+    types = {letter: _checked(*one, _TYPE[3]) for letter, one in found.items()}
+    if round(version, 2) == 3.02 and "C" in types:
+        types["C"] = tuple(one[0] + one[1].replace("1", "2") + one[2:] for one in types["C"])
     return types
 
 
-def _types_2(path: Path, labelled: list[tuple[int, str, str]]) -> tuple[str, ...]:
-    """Return the observation types of a RINEX 2 head."""
-    count, first, names = 0, 0, list[str]()
-    for number, line, label in labelled:
-        if label != "# / TYPES OF OBSERV":
-            continue
-        if line[:6].strip():
-            count, first = _count(path, number, line[:6]), number
-        names += line[6:].split()
-    if not first:
-        raise BadInputError(f"{path}: header must have # / TYPES OF OBSERV, it is missing")
-    _check_types(path, first, count, names, _TYPE_2)
+def _checked(
+    line: _Line, count: str, names: list[str], pattern: re.Pattern[str]
+) -> tuple[str, ...]:
+    """Return observation types; there may be more than announced, but not fewer."""
+    if not count.strip().isdigit():
+        raise line.fault("number of observation types must be whole", count)
+    if int(count) > len(names):
+        raise line.fault(f"{int(count)} observation types announced", f"{len(names)} listed")
+    if not 0 < len(names) <= _MOST_TYPES:
+        raise line.fault(f"1 to {_MOST_TYPES} observation types", count)
+    for name in names:
+        if not pattern.fullmatch(name) or names.count(name) > 1:
+            raise line.fault("observation type must be known and new", name)
     return tuple(names)
 
 
-def _count(path: Path, number: int, text: str) -> int:
-    try:
-        return int(text)
-    except ValueError as error:
-        raise BadInputError(
-            f"{path}: line {number}: number of observation types must be whole, got {quoted(text)}"
-        ) from error
-
-
-def _check_types(
-    path: Path, number: int, count: int, names: list[str], pattern: re.Pattern[str]
-) -> None:
-    """Check the number of observation types against the list, and each of them."""
-    if count != len(names):
-        raise BadInputError(
-            f"{path}: line {number}: {count} observation types announced, {len(names)} listed"
-        )
-    if not 0 < count <= MAX_TYPES:
-        raise BadInputError(
-            f"{path}: line {number}: 1 to {MAX_TYPES} observation types, got {count}"
-        )
-    for name in names:
-        if not pattern.fullmatch(name) or names.count(name) > 1:
-            raise BadInputError(
-                f"{path}: line {number}: observation type must be known and new, got {quoted(name)}"
-            )
-
-
-def _scales(
-    path: Path, labelled: list[tuple[int, str, str]], types: dict[str, tuple[str, ...]]
-) -> dict[tuple[str, str], int]:
-    """Return the factors that values of types were multiplied by; refuse phases in half cycles."""
+def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
+    """Return the factors that values of types were multiplied by."""
     scales = {}
     letter, factor = "", 1
-    for number, line, label in labelled:
-        if label == "WAVELENGTH FACT L1/2" and "2" in line[:12]:
-            raise BadInputError(
-                f"{path}: line {number}: {label} must be 1, got "
-                f"{quoted(line.strip())}; convert the file"
-            )
-        if label != "SYS / SCALE FACTOR":
+    for line in lines:
+        if line.label != "SYS / SCALE FACTOR":
             continue
-        if line[0] != " ":
-            letter, text = line[0], line[2:6].strip()
+        if line.text[0] != " ":
+            letter, text = line.text[0], line.text[2:6].strip().lstrip("0")
             if text not in ("", "1", "10", "100", "1000"):
-                raise BadInputError(
-                    f"{path}: line {number}: {label} must be 1, 10, 100 or 1000, got "
-                    f"{quoted(text)}; repair the line"
-                )
+                raise line.fault(f"{line.label} must be 1, 10, 100 or 1000; repair the line", text)
             factor = int(text or "1")
-        for name in line[10:58].split() or types.get(letter, ()):
+        for name in line.text[10:58].split() or types.get(letter, ()):
             scales[letter, name] = factor
     return scales
 
 
-def _last_us(path: Path, labelled: list[tuple[int, str, str]]) -> int | None:
-    """Return the announced last epoch."""
-    for number, line, label in labelled:
-        if label != "TIME OF LAST OBS":
-            continue
-        try:
-            year, month, day, hour, minute = (int(line[6 * k : 6 * k + 6]) for k in range(5))
-            second = float(line[30:43])
-            day_start = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-        except ValueError as error:
-            raise BadInputError(
-                f"{path}: line {number}: TIME OF LAST OBS must be a date, got {quoted(line[:43])}"
-            ) from error
-        since = int((day_start - GPS_EPOCH) / np.timedelta64(1, "us"))
-        return since + round((hour * 3600 + minute * 60 + second) * 1e6)
+def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
+    """Return satellites, nothing for all, and carriers whose ambiguities may be half cycles."""
+    half = set[tuple[str, str]]()
+    for line in lines:
+        if line.label == "WAVELENGTH FACT L1/2":
+            names = [one.replace(" ", "0") for one in re.findall(r"[GRSE ][ \d]\d", line.text[18:])]
+            factors = line.text[:6].strip(), line.text[6:12].strip()
+            for band, factor in zip("12", factors, strict=True):
+                half |= {(name, band) for name in names or [""] if factor == "2"}
+    return frozenset(half)
+
+
+def _last_us(lines: list[_Line]) -> int | None:
+    """Return the announced last epoch; None where it is absent or no date."""
+    for line in lines:
+        if line.label == "TIME OF LAST OBS":
+            words = line.text[:43].split()
+            try:
+                year, month, day, hour, minute = (int(word) for word in words[:5])
+                date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
+                second = float(words[5])
+            except (ValueError, IndexError):
+                return None
+            since = int((date - GPS_EPOCH) / np.timedelta64(1, "us"))
+            return since + round((hour * 3600 + minute * 60 + second) * 1e6)
     return None
 
 
-def _interval_s(labelled: list[tuple[int, str, str]]) -> float | None:
+def _interval_s(lines: list[_Line]) -> float | None:
     """Return the announced time between epochs; None where it is absent, zero or no number."""
-    for _, line, label in labelled:
-        if label == "INTERVAL":
-            interval_s = float(line[:10]) if is_number(line[:10]) else 0.0
-            return interval_s if 0 < interval_s < np.inf else None
-    return None
+    text = next((line.text[:10] for line in lines if line.label == "INTERVAL"), "")
+    interval_s = float(text) if is_number(text) else 0.0
+    return interval_s if 0 < interval_s < np.inf else None
 
 
-def _klobuchar(path: Path, labelled: list[tuple[int, str, str]]) -> tuple[float, ...]:
+def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:
     """Return the GPS ionosphere model of a navigation head."""
     model = [0.0] * 8
-    for number, line, label in labelled:
+    for line in lines:
         start, shift = -1, 2
-        if label in ("ION ALPHA", "ION BETA"):
-            start = 4 * (label == "ION BETA")
-        elif label == "IONOSPHERIC CORR" and line[:4] in ("GPSA", "GPSB"):
-            start, shift = 4 * (line[:4] == "GPSB"), 5
+        if line.label in ("ION ALPHA", "ION BETA") and system == "G":
+            start = 4 * (line.label == "ION BETA")
+        elif line.label == "IONOSPHERIC CORR" and line.text[:4] in ("GPSA", "GPSB"):
+            start, shift = 4 * (line.text[:4] == "GPSB"), 5
         if start >= 0:
-            fields = [line[shift + 12 * k : shift + 12 * k + 12] for k in range(4)]
-            try:
-                model[start : start + 4] = [
-                    float(f.replace("D", "E").replace("d", "e")) for f in fields
-                ]
-            except ValueError as error:
-                raise BadInputError(
-                    f"{path}: line {number}: {label} must hold four numbers, "
-                    f"got {quoted(line.strip())}"
-                ) from error
+            fields = [line.text[shift + 12 * k : shift + 12 * k + 12] for k in range(4)]
+            numbers = [one.replace("D", "E").replace("d", "e") for one in fields]
+            if not all(map(is_number, numbers)):
+                raise line.fault(f"{line.label} must hold four numbers", line.text.strip())
+            model[start : start + 4] = map(float, numbers)
     return tuple(model)

@@ -1,125 +1,275 @@
-"""Strict reading of a RINEX navigation file: messages that are used, and the count of others."""
+"""RINEX navigation files as ``BroadcastOrbits``: messages that are whole; the others are counted.
 
-from dataclasses import dataclass
+Columns of a message's numbers are those of RINEX 3.05 [1]_, which RINEX 2 and 4 share but for the
+head of a record.
+
+References
+----------
+.. [1] RINEX: The Receiver Independent Exchange Format Version 3.05, 2020, tables A6, A8, A14.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import date
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
+from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.navigation_lines import BrokenLineError, messages, numbers
-from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES, line_fault
+from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import Bytes
+from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
+# Field of the record: column of a message's numbers.
+PLAIN = {
+    "af0_s": 0,
+    "af1_sps": 1,
+    "af2_sps2": 2,
+    "issue": 3,
+    "crs_m": 4,
+    "mean_motion_difference_radps": 5,
+    "mean_anomaly_rad": 6,
+    "cuc_rad": 7,
+    "eccentricity": 8,
+    "cus_rad": 9,
+    "toe_sow_s": 11,
+    "cic_rad": 12,
+    "node_rad": 13,
+    "cis_rad": 14,
+    "inclination_rad": 15,
+    "crc_m": 16,
+    "perigee_rad": 17,
+    "node_rate_radps": 18,
+    "inclination_rate_radps": 19,
+    "health": 24,
+}
+ROOT_A, DATA_SOURCE, WEEK, ACCURACY, DELAYS, TRANSMISSION = 10, 20, 21, 23, slice(25, 27), 27
+FIT = 28  # the last but spares
+BDT_WEEK = 1356  # GPS week of BeiDou's week 0
+_NEEDED = [*range(20), WEEK, ACCURACY, 24]  # spares and flags may be blank
+# Nominal user range accuracy by index, m: IS-GPS-200N, 20.3.3.3.1.3; 15 states none.
+URA_M = np.array(
+    [2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24, 48, 96, 192, 384, 768, 1536, 3072, 6144, 8192]
+)
+_NO_ACCURACY_M = 8192.0
+_LARGEST_SISA_M = 6.0  # OS SIS ICD 2.1, table 89
+_DAY_S = 86_400.0
+_WEEKS = 1024  # after which receivers' week numbers begin anew
+_FIRST_DAY = date(1980, 1, 6)
+_WIDTH, _ROWS = 19, 8  # of a field, of a message
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
+_DATE = r"((?: {year})(?: [ \d]\d){{5}})"
+_BEGIN = {
+    2: re.compile(r"([ \d]\d) ?" + _DATE.format(year=r"[ \d]\d") + r"\.\d"),
+    3: re.compile(r"([A-Z][ \d]\d) ?" + _DATE.format(year=r"\d{4}")),
+    4: re.compile(r"> (\w{3}) ([A-Z][ \d]{2}) ?(\w*)"),
+}
+_NO_NUMBER = re.compile(r"[^-+.0-9DEde ]")
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class NavigationScan:
-    """The messages of a navigation file that are used, and the count of the others."""
-
-    satellites: NDArray[np.str_]  # (k,); RINEX names, in the order of the file
-    clock_times_s: FloatArray  # (k,); since 1980-01-06, in the constellation's own time
-    numbers: FloatArray  # (k, 31); three of the clock, then seven lines of four
-    klobuchar: NDArray[np.float64]  # (8,); GPS ionosphere, alpha and beta
-    losses: tuple[Loss, ...]  # what stands in the file and is not used
+class _Message(NamedTuple):
+    satellite: str
+    clock_time_s: float  # since 1980-01-06, in the constellation's own time
+    numbers: tuple[float, ...]  # 31
 
 
-def scan_navigation(header: Header, text: Bytes) -> NavigationScan:
-    """Check the body of a navigation file and take the messages that can be decoded.
+def to_broadcast(
+    headers: Sequence[Header], texts: Sequence[Bytes], start_gps_s: float
+) -> BroadcastOrbits:
+    """Return the messages of several files, each once.
 
-    Parameters and errors are those of ``fgnav.io.rinex.scan.scan_observations``.
+    Returns
+    -------
+    BroadcastOrbits
+        Messages that are cut, have an impossible orbit or are repeated are counted as losses.
+
+    Raises
+    ------
+    BadInputError
+        If none is left.
     """
-    default = header.system if header.version < 3 else ""
-    try:
-        found = list(
-            messages(
-                text.tobytes().rstrip(b"\x1a\0"),
-                header.size,
-                header.lines + 1,
-                int(header.version),
-                default,
-            )
-        )
-    except BrokenLineError as error:
+    counts = Counter[tuple[str, str]]()
+    messages, models = list[_Message](), list[FloatArray]()
+    for header, text in zip(headers, texts, strict=True):
+        body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
+        broken = Counter[tuple[str, str]]()
+        messages += _messages(header, body, counts, broken)
+        counts += broken
+        models += [one for one in [_klobuchar(header, body)] if one.any()]
+    what = "broadcast message"
+    records = np.zeros(0, EPHEMERIS_DTYPE)
+    if messages:
+        records, fits = _records(messages, start_gps_s)
+        possible = _possible(records) & fits
+        counts[what, "impossible orbit or time"] += int((~possible).sum())
+        records, repeated = _each_once(records[possible])
+        counts[what, "repeated"] += repeated
+    if not len(records):
+        reason = next(iter(f"{what}: {why}" for what, why in counts), "the file has no message")
         raise BadInputError(
-            line_fault(header, text, error.line, error.rule, "fetch the file again")
-        ) from None
-    names = np.array([one.satellite for one in found], "U3")
-    places = np.array([one[:2] for one in found], np.int64).reshape(-1, 2)
-    decodable, losses = _sorted_out(names, _types(text, places, header))
-    if not decodable.any():
-        raise BadInputError(
-            f"{header.path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none"
+            f"{headers[0].path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none; "
+            f"{reason}"
         )
-    content = text.tobytes()
-    starts = places[decodable, 0].tolist()
-    if header.version >= 4:  # a line names the record
-        starts = [content.index(b"\n", start) + 1 for start in starts]
-    return NavigationScan(
-        satellites=names[decodable],
-        clock_times_s=np.array([one.clock_time_s for one in found])[decodable],
-        numbers=np.array([numbers(content, start, int(header.version)) for start in starts]),
-        klobuchar=_klobuchar(header, text),
-        losses=losses,
-    )
+    losses = tuple(Loss(what=w, reason=why, count=n) for (w, why), n in sorted(counts.items()) if n)
+    klobuchar = models[-1] if models else np.zeros(8)
+    return BroadcastOrbits(records=records, klobuchar=klobuchar, losses=losses)
 
 
-def _types(text: Bytes, places: IntArray, header: Header) -> NDArray[np.str_]:
-    """Return the record and message type of each record; RINEX 2 and 3 leave it out."""
-    if header.version < 4:
-        return np.full(len(places), "EPH", "U8")
-    heads = [
-        text[start : start + 15].tobytes().decode("latin-1") for start in places[:, 0].tolist()
-    ]
-    return np.array(
-        [f"{head[2:5]} {head[10:15].split(chr(10))[0].strip()}" for head in heads], "U8"
-    )
-
-
-def _sorted_out(
-    names: NDArray[np.str_], types: NDArray[np.str_]
-) -> tuple[NDArray[np.bool_], tuple[Loss, ...]]:
-    """Return which records can be decoded, and the count of the others by reason."""
-    reasons = []
-    for name, what in zip(names.tolist(), types.tolist(), strict=True):
-        record = what.split()
+def _messages(
+    header: Header, body: str, counts: Counter[tuple[str, str]], broken: Counter[tuple[str, str]]
+) -> Iterator[_Message]:
+    """Yield the messages that can be decoded; count the others by their reason."""
+    version = int(header.version)
+    for number, lines in _split(body, _BEGIN[version]):
+        begin = _BEGIN[version].match(lines[0])
+        what = "broadcast message"
+        if begin is None:
+            broken[what, f"begins with no satellite and date, line {header.lines + number}"] += 1
+            continue
+        kind, name, of = begin.groups() if version == 4 else ("EPH", begin[1], "")
+        name = f"{header.system}{begin[1]}" if version == 2 else name
+        name = name.replace(" ", "0")
         limit = KNOWN_SATELLITES.get(name[0])
-        if record[0] != "EPH":
-            reasons.append((f"{record[0]} record", "not an ephemeris"))
+        if kind != "EPH":
+            counts[f"{kind} record", "not an ephemeris"] += 1
         elif limit is None or name[0] == "R":
-            reasons.append(
-                (f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used")
-            )
-        elif record[1:] and record[1] not in _DECODED:
-            reasons.append((f"{name[0]} {record[1]} message", "type not used"))
+            counts[f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used"] += 1
+        elif of and of not in _DECODED:
+            counts[f"{name[0]} {of} message", "type not used"] += 1
         elif int(name[1:]) > limit:
-            reasons.append((f"{name} message", "of a number that is not used"))
+            counts[f"{name} message", "of a number that is not used"] += 1
         else:
-            reasons.append(("", ""))
-    counts: dict[tuple[str, str], int] = {}
-    for reason in reasons:
-        counts[reason] = counts.get(reason, 0) + 1
-    losses = [Loss(what=w, reason=r, count=c) for (w, r), c in sorted(counts.items()) if w]
-    return np.array([not what for what, _ in reasons]), tuple(losses)
+            decoded = _decoded(name, lines[1:] if version == 4 else lines, min(version, 3))
+            if isinstance(decoded, _Message):
+                yield decoded
+                continue
+            first = next((why for _, why in broken if why.startswith(decoded)), "")
+            broken[what, first or f"{decoded}, line {header.lines + number} first"] += 1
 
 
-def _klobuchar(header: Header, text: Bytes) -> NDArray[np.float64]:
-    """Return the GPS ionosphere: of the head, or of the last RINEX 4 record of it."""
-    model = np.array(header.klobuchar)
-    if header.version < 4:
-        return model
-    body = text[header.size :].tobytes().decode("latin-1")
-    start = max(body.rfind(f"> ION G{k:02d} LNAV") for k in range(1, 33))
-    if start >= 0:
-        lines = body[start:].splitlines()[1:4]
-        fields = [line[4 + 19 * k : 23 + 19 * k] for line in lines for k in range(4)]
+def _split(body: str, begin: re.Pattern[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield records and the numbers of their first lines; blank lines are passed over."""
+    lines = list[str]()
+    first = 1
+    for number, line in enumerate(body.splitlines(), 1):
+        if not line.strip():
+            continue
+        if begin.match(line) or (not lines and first == 1):
+            if lines:
+                yield first, lines
+            first, lines = number, []
+        lines.append(line.rstrip())
+    if lines:
+        is_cut = not body.endswith("\n") and not re.search(r"[DEde][+-]\d\d$", lines[-1])
+        yield first, lines[: len(lines) - is_cut]
+        if is_cut and len(lines) == _ROWS + 1:
+            yield body.count("\n") + 1, lines[-1:]
+
+
+def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
+    """Return the message of a record's lines, or the rule that it breaks."""
+    begin = _BEGIN[version].match(lines[0]) if lines else None
+    if begin is None or len(lines) != _ROWS:
+        return f"must have {_ROWS} lines, the first with its date"
+    year, *others = (int(word) for word in begin[2].split())
+    month, day, hour, minute, second = others
+    year += (1900 if year >= 80 else 2000) if version == 2 else 0
+    try:
+        days = (date(year, month, day) - _FIRST_DAY).days
+    except ValueError:
+        return "must have a date"
+    if not (days >= 0 and hour < 24 and minute < 60 and second < 61):
+        return "must have a date"
+    shift = begin.end() - _WIDTH  # of fields: a date may stand a column late
+    words = [lines[0][shift + _WIDTH * k :][:_WIDTH] for k in range(1, 4)]
+    later = 3 if version == 2 else 4
+    words += [one[later + _WIDTH * k :][:_WIDTH] for one in lines[1:] for k in range(4)]
+    numbers = list[float]()
+    for k, word in enumerate(words):
+        text = word.strip() if k <= FIT else ""
+        if (not text and k in _NEEDED) or _NO_NUMBER.search(text):
+            return "must hold numbers such as -1.234567890123E-04"
         try:
-            model[:] = [float(field.replace("D", "E")) for field in fields[1:9]]
-        except ValueError as error:
-            number = header.lines + body[:start].count("\n") + 1
-            raise BadInputError(
-                f"{header.path}: line {number}: ION record must hold eight numbers, "
-                f"got {quoted(' '.join(lines)[:60])}"
-            ) from error
-    return model
+            numbers.append(float(text.upper().replace("D", "E") or "0"))
+        except ValueError:
+            return "must hold numbers such as -1.234567890123E-04"
+    time_s = _DAY_S * days + 3600.0 * hour + 60.0 * minute + second
+    return _Message(name, time_s, tuple(numbers))
+
+
+def _records(
+    messages: Sequence[_Message], start_gps_s: float
+) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return messages in our own names and units, and whether their weeks are those of their dates.
+
+    The time of ephemeris is the one nearest to the time of clock: week numbers may have begun anew.
+    """
+    x = np.array([one.numbers for one in messages])
+    names = np.array([one.satellite for one in messages], "U3")
+    records = np.zeros(len(names), EPHEMERIS_DTYPE)
+    records["satellite"] = names
+    for field, column in PLAIN.items():
+        records[field] = x[:, column]
+    galileo, beidou = (np.char.startswith(names, letter) for letter in "EC")
+    records["semi_major_axis_m"] = x[:, ROOT_A] ** 2
+    # since 1980, as are those below
+    toc_s = np.array([one.clock_time_s for one in messages]) + BDT_BEHIND_GPS_S * beidou
+    toe_s = _nearest_s(x[:, PLAIN["toe_sow_s"]] + BDT_BEHIND_GPS_S * beidou, toc_s)
+    ttr_s = _nearest_s(x[:, TRANSMISSION] + BDT_BEHIND_GPS_S * beidou, toe_s)
+    # An unknown time of transmission is written 0.9999E+09 or left blank.
+    stated = (np.abs(x[:, TRANSMISSION]) < 2 * WEEK_S) & (np.abs(ttr_s - toe_s) < _DAY_S)
+    records["toe_s"], records["toc_s"] = toe_s - start_gps_s, toc_s - start_gps_s
+    records["transmission_s"] = np.where(stated, ttr_s, toe_s) - start_gps_s
+    records["group_delay_s"] = x[:, DELAYS]
+    records["group_delay_s"][~(galileo | beidou), 1] = 0.0  # there stands the issue of the clock
+    accuracy_m = x[:, ACCURACY]
+    sisa_m = np.where((accuracy_m >= 0) & (accuracy_m <= _LARGEST_SISA_M), accuracy_m, np.inf)
+    ura_m = URA_M[np.searchsorted(URA_M, accuracy_m).clip(0, 15)]
+    records["accuracy_m"] = np.minimum(np.where(galileo, sisa_m, ura_m), _NO_ACCURACY_M)
+    records["data_source"] = np.where(galileo, x[:, DATA_SOURCE], 0)
+    weeks = x[:, WEEK] + BDT_WEEK * beidou - np.floor(toe_s / WEEK_S)
+    return records, np.abs((weeks + _WEEKS // 2) % _WEEKS - _WEEKS // 2) <= 1
+
+
+def _nearest_s(second_of_week: FloatArray, near_s: FloatArray) -> FloatArray:
+    """Return the times of seconds of a week that lie nearest to others."""
+    return np.asarray(near_s + (second_of_week - near_s + WEEK_S / 2) % WEEK_S - WEEK_S / 2)
+
+
+def _possible(records: NDArray[Any]) -> NDArray[np.bool_]:
+    """Tell which messages describe an Earth orbit, with a clock of about the same time."""
+    a, e = records["semi_major_axis_m"], records["eccentricity"]
+    orbit = (a > 1e7) & (a < 1e8) & (e >= 0) & (e < 0.5)
+    return np.asarray(orbit & (np.abs(records["toe_s"] - records["toc_s"]) < _DAY_S))
+
+
+def _each_once(records: NDArray[Any]) -> tuple[NDArray[Any], int]:
+    """Return the records without repetitions, and how many there were.
+
+    Two messages that differ only in their time of transmission are the same; the first one counts.
+    """
+    order = np.lexsort((records["transmission_s"], records["toe_s"], records["satellite"]))
+    records = records[order]
+    content = records.copy()
+    content["transmission_s"] = 0.0
+    _, first = np.unique(content, return_index=True)
+    return records[np.sort(first)], len(records) - len(first)
+
+
+def _klobuchar(header: Header, body: str) -> FloatArray:
+    """Return the GPS ionosphere: of the head, or of the last RINEX 4 record of it."""
+    matches = list(re.finditer(r"^> ION G\d\d LNAV[^\n]*\n(.*\n.*\n.*)", body, re.MULTILINE))
+    if header.version < 4 or not matches:
+        return np.array(header.klobuchar)
+    lines = matches[-1][1].splitlines()
+    words = [one[4 + _WIDTH * k : 4 + _WIDTH * (k + 1)] for one in lines for k in range(4)]
+    try:
+        return np.array([float(word.upper().replace("D", "E")) for word in words[1:9]])
+    except ValueError:
+        raise BadInputError(
+            f"{header.path}: ION record must hold eight numbers, got {lines[0][:60]!r}"
+        ) from None

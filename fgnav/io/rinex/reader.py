@@ -1,16 +1,14 @@
 """Reading RINEX 2, 3 and 4."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
-from fgnav.io.rinex.messages import to_broadcast
-from fgnav.io.rinex.navigation import scan_navigation
-from fgnav.io.rinex.records import to_observations
-from fgnav.io.rinex.scan import scan_observations
+from fgnav.io.rinex.navigation import to_broadcast
+from fgnav.io.rinex.observations import to_observations
+from fgnav.io.rinex.signals import choose_signals
 from fgnav.io.rinex.text import read_text
-from fgnav.io.signal_choice import choose_signals
 from fgnav.progress import steps
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
@@ -25,18 +23,23 @@ def read_navigation(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbit
 
 
 def read_rinex(
-    messages: Sequence[Path], receivers: Sequence[Path], start_gps_s: float
+    messages: Sequence[Path],
+    receivers: Sequence[Path],
+    start_gps_s: float,
+    signals: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[BroadcastOrbits | None, list[Observations]]:
     """Read broadcast messages and several receivers' files, which agree on signals where they can.
 
     Parameters
     ----------
     messages : sequence of Path
-        RINEX 2, 3 or 4 navigation files, plain or .gz.
+        RINEX 2, 3 or 4 navigation files, plain or packed.
     receivers : sequence of Path
-        RINEX 2, 3 or 4 observation files, plain, .gz or Hatanaka.
+        RINEX 2, 3 or 4 observation files, plain, packed or Hatanaka.
     start_gps_s : float
         GPS time of ``t_s = 0``.
+    signals : mapping of str to sequence of str
+        Those wanted, by constellation letter; by default one each of three carriers.
 
     Returns
     -------
@@ -52,16 +55,13 @@ def read_rinex(
     """
     texts = [read_text(path) for path in receivers]
     headers = [read_header(p, t, "observations") for p, t in zip(receivers, texts, strict=True)]
-    choices = choose_signals(headers)
+    choices = choose_signals(headers, signals)
     observations = [
-        to_observations(
-            headers[k], scan_observations(headers[k], texts[k], choices[k]), start_gps_s
-        )
+        to_observations(headers[k], texts[k], choices[k], start_gps_s)
         for k in steps(len(receivers))
     ]
     if not messages:
         return None, observations
     texts = [read_text(path) for path in messages]
     headers = [read_header(p, t, "navigation") for p, t in zip(messages, texts, strict=True)]
-    scans = [scan_navigation(header, text) for header, text in zip(headers, texts, strict=True)]
-    return to_broadcast(scans, messages[0], start_gps_s), observations
+    return to_broadcast(headers, texts, start_gps_s), observations

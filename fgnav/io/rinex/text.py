@@ -1,5 +1,6 @@
 """The bytes of a RINEX or SP3 file, whatever it was packed with."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -7,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import GZIP, gunzipped, read_bytes
+from fgnav.io.user_files import read_bytes
 
 Bytes = NDArray[np.uint8]
-
-_FOREIGN = {b"\x1f\x9d": "compress (.Z)", b"PK": "zip", b"BZh": "bzip2"}
+_MOST_CUT_LINES = 200  # of an epoch: a line a satellite
+_CUT = b">" + b" " * 17 + b". cut\n"  # stands where an epoch begins, of any version, and is none
+_BLANK_LINES = re.compile(rb"\A(?:[ \t]*\r?\n)+")
 
 
 def read_text(path: Path) -> Bytes:
@@ -20,7 +22,7 @@ def read_text(path: Path) -> Bytes:
     Parameters
     ----------
     path : Path
-        Plain, .gz, or Hatanaka-compressed (.crx, .crx.gz); told by content, not by name.
+        Plain, packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx); told by content, not by name.
 
     Returns
     -------
@@ -32,11 +34,7 @@ def read_text(path: Path) -> Bytes:
         If the file is missing, empty, packed otherwise or damaged in its packing.
     """
     content = read_bytes(path, is_text=True)
-    if content.startswith(GZIP):
-        content = gunzipped(path, content)
-    for magic, name in _FOREIGN.items():
-        if content.startswith(magic):
-            raise BadInputError(f"{path}: must be plain, gzip or Hatanaka, got {name}; unpack it")
+    content = _BLANK_LINES.sub(b"", content, count=1)
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)
     if not content[:1000].strip():
@@ -45,19 +43,25 @@ def read_text(path: Path) -> Bytes:
 
 
 def _plain(path: Path, content: bytes) -> bytes:
-    """Undo Hatanaka's compression; its warnings tell of lost data, so they are errors too."""
+    """Undo Hatanaka's compression, of a file that is cut up to its last whole epoch.
+
+    Its warnings tell of lost data, so they are errors too.
+    """
     from hatanaka import crx2rnx  # noqa: PLC0415  # lazy: looks for its program when imported
 
-    # A record cut in its middle passes the unpacker with its last line missing.
-    if not content.endswith(b"\n"):
-        raise BadInputError(
-            f"{path}: must end with a line end, the last line is cut; fetch it again"
-        )
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", UserWarning)
-            plain: bytes = crx2rnx(content)
-    except (RuntimeError, ValueError, UserWarning) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise BadInputError(f"{path}: damaged Hatanaka file, {reason}; fetch it again") from error
-    return plain
+    lines = content.splitlines(keepends=True)
+    reason = ""
+    is_cut = not content.endswith(b"\n")  # differences: what is left of a number is another one
+    for _ in range(_MOST_CUT_LINES):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", UserWarning)
+                plain: bytes = crx2rnx(b"".join(lines[: len(lines) - is_cut]))
+            return plain + (_CUT if is_cut else b"")
+        except (RuntimeError, ValueError, UserWarning) as error:
+            reason = " ".join(str(error).split())[:200]
+            if "truncated" not in reason:
+                break
+            lines = lines[: len(lines) - is_cut]
+            is_cut = True
+    raise BadInputError(f"{path}: damaged Hatanaka file, {reason}; fetch it again")

@@ -1,5 +1,6 @@
 """Writing RINEX 3.04 and 4.00: observations of one antenna, broadcast messages."""
 
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -7,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.io.gps_time import BDT_BEHIND_GPS_S, GPS_EPOCH, TICKS_PER_S, WEEK_S, to_ticks
-from fgnav.io.rinex.epochs_text import epochs_text
-from fgnav.io.rinex.messages import (
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, to_ticks
+from fgnav.io.rinex.navigation import (
     ACCURACY,
     BDT_WEEK,
     DATA_SOURCE,
@@ -25,6 +25,7 @@ from fgnav.types.orbits import BroadcastOrbits
 RinexVersion: TypeAlias = Literal["3.04", "4.00"]
 
 _EPOCHS_AT_ONCE = 2000
+_FIELD = 16  # columns: F14.3, loss-of-lock indicator, signal strength
 _FNAV = 1 << 1  # of a Galileo message's data source
 _GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
@@ -74,7 +75,6 @@ def write_observations(
             )
     ticks = to_ticks(start_gps_s) + _ticks(observations.tag_s[:, antenna])
     names, channels, signals = _layout(observations)
-    dates = _dates(ticks)
     arrays = [
         getattr(observations, name)[:, antenna]
         for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz")
@@ -90,17 +90,52 @@ def write_observations(
         for k in range(0, len(ticks), _EPOCHS_AT_ONCE):
             part = slice(k, k + _EPOCHS_AT_ONCE)
             values = np.stack([value[part] for value in arrays], axis=-1)
-            file.write(epochs_text(dates[part], names, channels, values, flags[part]))
+            file.write(_epochs(ticks[part], names, channels, values, flags[part]))
+
+
+def _epochs(
+    ticks: IntArray, names: list[str], channels: IntArray, values: FloatArray, flags: IntArray
+) -> bytes:
+    """Return epochs as text.
+
+    Parameters
+    ----------
+    channels : ndarray, (s, c)
+        Columns of each satellite's signals, -1 where it has none.
+    values : ndarray, (n, m, 4)
+        Code, phase, Doppler, carrier-to-noise density; NaN where not measured.
+    flags : ndarray, (n, m)
+        Loss-of-lock indicators.
+    """
+    values = np.where(np.abs(values) < 5e-4, np.copysign(1e-3, values), values)
+    some = np.where(channels[:, :, None] < 0, np.nan, values[:, channels])  # (n, s, c, 4)
+    lost = np.where(channels < 0, 0, flags[:, channels])
+    is_measured = np.isfinite(some).any(axis=(2, 3)) | (lost > 0).any(axis=2)
+    epoch, satellite = np.nonzero(is_measured)
+    some, lost = some[epoch, satellite], lost[epoch, satellite]
+    text = ("%14.3f  " * some.size % tuple(some.ravel().tolist())).encode("ascii")
+    fields = np.frombuffer(text, np.uint8).reshape(*some.shape, _FIELD).copy()
+    fields[~np.isfinite(some)] = ord(" ")
+    fields[:, :, 1, 14] = np.where(lost > 0, ord("0") + lost, ord(" "))
+    content, width = fields.tobytes(), fields[0].size if len(fields) else 1
+    rows = [content[k : k + width].rstrip() for k in range(0, len(content), width)]
+    labels = [names[k].encode("ascii") for k in satellite.tolist()]
+    lines = [label + row + b"\n" for label, row in zip(labels, rows, strict=True)]
+    ends = np.cumsum(is_measured.sum(axis=1)).tolist()
+    out = []
+    for tick, begin, end in zip(ticks.tolist(), [0, *ends], ends, strict=False):
+        date = " ".join(f"{part:02d}" for part in _date(tick)[:5])
+        second = (tick % (60 * TICKS_PER_S)) / TICKS_PER_S
+        out += [f"> {date}{second:11.7f}  0{end - begin:3d}\n".encode("ascii"), *lines[begin:end]]
+    return b"".join(out)
 
 
 def _ticks(tag_s: FloatArray) -> IntArray:
     return np.round(tag_s * TICKS_PER_S).astype(np.int64)
 
 
-def _layout(
-    observations: Observations,
-) -> tuple[NDArray[np.uint8], IntArray, dict[str, list[str]]]:
-    """Return satellites (s, 3), their channels (s, k), and the signals by constellation."""
+def _layout(observations: Observations) -> tuple[list[str], IntArray, dict[str, list[str]]]:
+    """Return satellites, (s,), their channels, (s, c), and the signals by constellation."""
     pairs = list(zip(observations.satellites, observations.signals, strict=True))
     signals: dict[str, list[str]] = {}
     for satellite, signal in sorted(pairs):
@@ -114,27 +149,13 @@ def _layout(
     for row, satellite in enumerate(satellites):
         for k, signal in enumerate(signals[satellite[0]]):
             channels[row, k] = column.get((satellite, signal), -1)
-    names = np.frombuffer("".join(satellites).encode("ascii"), np.uint8).reshape(-1, 3)
-    return names, channels, signals
+    return satellites, channels, signals
 
 
-def _dates(ticks: IntArray) -> IntArray:
-    """Return (n, 7) year, month, day, hour, minute, second, 1e-7 s."""
-    seconds, fraction = np.divmod(ticks, TICKS_PER_S)
-    days, second_of_day = np.divmod(seconds, 86_400)
-    date = GPS_EPOCH.astype("M8[D]") + days
-    month = date.astype("M8[M]")
-    year = month.astype("M8[Y]")
-    columns = [
-        year.astype(int) + 1970,
-        (month - year).astype(int) + 1,
-        (date - month).astype(int) + 1,
-        second_of_day // 3600,
-        second_of_day // 60 % 60,
-        second_of_day % 60,
-        fraction,
-    ]
-    return np.stack(columns, axis=1).astype(np.int64)
+def _date(ticks: int) -> tuple[int, ...]:
+    """Return year, month, day, hour, minute, second."""
+    date = datetime(1980, 1, 6) + timedelta(seconds=ticks // TICKS_PER_S)
+    return date.timetuple()[:6]
 
 
 def _head(
@@ -167,8 +188,9 @@ def _head(
     if len(ticks) > 1:
         lines.append(_line(f"{np.median(np.diff(ticks)) / TICKS_PER_S:10.3f}", "INTERVAL"))
     for k, label in ((0, "FIRST"), (-1, "LAST")) if len(ticks) else ():
-        *date, second, fraction = _dates(ticks[[k]])[0].tolist()
-        content = "".join(f"{part:6d}" for part in date) + f"{second:5d}.{fraction:07d}     GPS"
+        *date, second = _date(int(ticks[k]))
+        content = "".join(f"{part:6d}" for part in date)
+        content += f"{second:5d}.{int(ticks[k]) % TICKS_PER_S:07d}     GPS"
         lines.append(_line(content, f"TIME OF {label} OBS"))
     lines += [_line(letter, "SYS / PHASE SHIFT") for letter in signals]
     return "".join(lines) + _line("", "END OF HEADER")
@@ -233,9 +255,8 @@ def _type(record: NDArray[Any]) -> str:
 
 def _ionosphere(klobuchar: FloatArray, start_gps_s: float) -> str:
     """Return the record of the GPS ionosphere model (RINEX 4.00, table A33), worldwide."""
-    date = _dates(np.array([int(start_gps_s) * TICKS_PER_S]))[0].tolist()
-    year, *rest = date[:6]
-    first = f"    {year:04d} " + " ".join(f"{part:02d}" for part in rest)
+    date = _date(int(start_gps_s) * TICKS_PER_S)
+    first = "    " + " ".join(f"{part:02d}" for part in date)
     fields = [f"{value:19.12E}" for value in (*klobuchar, 0.0)]
     rows = [
         first + "".join(fields[:3]),
@@ -254,7 +275,6 @@ def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
         raise BadInputError(f"{path}: time of clock must be a whole second, got {toc_s:.6f}")
     toe_s, sent_s = (start_gps_s + float(record[n]) - behind_s for n in ("toe_s", "transmission_s"))
     week = int(toe_s // WEEK_S)
-    year, month, day, hour, minute, second, _ = _dates(np.array([round(toc_s) * TICKS_PER_S]))[0]
     numbers = np.zeros(32)  # the last is spare
     for field, column in PLAIN.items():
         numbers[column] = record[field]
@@ -266,7 +286,7 @@ def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
     numbers[TRANSMISSION] = sent_s - week * WEEK_S
     if letter not in "EC":
         numbers[DELAYS.stop - 1], numbers[TRANSMISSION + 1] = record["issue"], 4.0  # IODC, hours
-    date = f"{year:04d} {month:02d} {day:02d} {hour:02d} {minute:02d} {second:02d}"
+    date = " ".join(f"{part:02d}" for part in _date(round(toc_s) * TICKS_PER_S))
     words = [f"{x:19.12E}" for x in numbers.tolist()]
     rows = ["    " + "".join(words[k : k + 4]) for k in range(3, 31, 4)]
     return "\n".join([f"{record['satellite']} {date}{''.join(words[:3])}", *rows, ""])

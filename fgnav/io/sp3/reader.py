@@ -1,28 +1,32 @@
-"""Precise orbits and clocks in SP3-c and SP3-d format [1]_.
+"""Precise orbits and clocks in SP3-a, -b, -c and -d format [1]_.
+
+Records and epochs that break a rule are left out and counted.
 
 References
 ----------
 .. [1] S. Hilla, The Extended Standard Product 3 Orbit Format (SP3-d), 2016.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, quoted
-from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.rinex.scan import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, quoted
+from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
+from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES, in_order
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
 
-_BEHIND_GPS_S = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "BDT": 14.0}  # whole seconds since 2006
+# Whole seconds behind GPS time, of BeiDou's since 2006; of TAI ahead.
+_BEHIND_GPS_S = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "BDT": 14.0, "TAI": -19.0}
+_UTC = ("UTC", "GLO")
 _NO_CLOCK_US = 999_999.0
 _WIDTH = 60  # columns of a position record that are read
+_OTHERS = CONSTELLATIONS | {"L": "low satellites'"}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,7 +38,7 @@ class _File:
     satellites: tuple[str, ...]
     p_e_m: FloatArray
     clock_s: FloatArray
-    velocities: int
+    counts: Counter[tuple[str, str]]
 
 
 def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
@@ -43,7 +47,7 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     Parameters
     ----------
     paths : sequence of Path
-        SP3-c or SP3-d files, plain or .gz.
+        SP3 files, plain or packed.
     start_gps_s : float
         GPS time of ``t_s = 0``.
 
@@ -56,32 +60,26 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     Raises
     ------
     BadInputError
-        Naming file, line, rule and value.
+        If a header breaks a rule, or no record is whole.
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
-    files = sorted(
-        (_read(path, start_gps_s) for path in paths), key=lambda file: float(file.t_s[0])
-    )
+    files = sorted((_read(path, start_gps_s) for path in paths), key=lambda one: float(one.t_s[0]))
     seen = sorted({name for file in files for name in file.satellites})
     satellites = [name for name in seen if name[0] in KNOWN_SATELLITES]
-    losses = _unused(files)
+    counts = Counter[tuple[str, str]]()
     t_s, p_e_m, clock_s = [], [], []
     end_s = -np.inf
     for file in files:
         later = file.t_s > end_s
-        if not later.all():
-            count = int(np.count_nonzero(~later))
-            reason = "an earlier file has it too"
-            losses.append(Loss(what=f"{file.path.name} epoch", reason=reason, count=count))
+        counts += file.counts
+        counts[f"{file.path.name} epoch", "an earlier file has it too"] += int((~later).sum())
         column = [satellites.index(name) for name in file.satellites if name in satellites]
         mine = [k for k, name in enumerate(file.satellites) if name in satellites]
         place = np.full((int(later.sum()), len(satellites), 3), np.nan)
         clock = np.full(place.shape[:2], np.nan)
-        place[:, column], clock[:, column] = (
-            file.p_e_m[later][:, mine],
-            file.clock_s[later][:, mine],
-        )
+        place[:, column] = file.p_e_m[later][:, mine]
+        clock[:, column] = file.clock_s[later][:, mine]
         t_s.append(file.t_s[later])
         p_e_m.append(place)
         clock_s.append(clock)
@@ -91,68 +89,66 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
         satellites=tuple(satellites),
         p_e_m=np.concatenate(p_e_m),
         clock_s=np.concatenate(clock_s),
-        losses=tuple(losses),
+        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
     )
-
-
-def _unused(files: Sequence[_File]) -> list[Loss]:
-    """Count the records of other constellations, and of velocities."""
-    losses = []
-    for letter, name in CONSTELLATIONS.items():
-        count = sum(len(f.t_s) * sum(s[0] == letter for s in f.satellites) for f in files)
-        if count and letter not in KNOWN_SATELLITES:
-            losses.append(Loss(what=f"{name} orbit", reason="constellation not used", count=count))
-    velocities = sum(file.velocities for file in files)
-    if velocities:
-        losses.append(
-            Loss(what="SP3 velocity", reason="differences of positions serve", count=velocities)
-        )
-    return losses
 
 
 def _read(path: Path, start_gps_s: float) -> _File:
     """Read one file."""
-    text = read_text(path)
-    lines = text.tobytes().decode("latin-1").split("\n")
-    satellites, announced, behind_s = _header(path, lines)
-    if lines[-1].strip() or not any(line.startswith("EOF") for line in lines[-3:]):
-        raise BadInputError(f"{path}: line {len(lines)}: must end with EOF, the file is truncated")
+    content = read_text(path).tobytes().decode("latin-1").rstrip("\x1a\0")
+    lines = content.split("\n")
+    satellites, announced, scale = _header(path, lines)
     kind = np.array([line[:1] for line in lines])
     epochs, records = np.flatnonzero(kind == "*"), np.flatnonzero(kind == "P")
-    if len(epochs) != announced:
-        raise BadInputError(
-            f"{path}: line 1: {announced} epochs announced, the file holds {len(epochs)}; "
-            "fetch it again"
-        )
-    t_s = _epochs(path, lines, epochs, start_gps_s - behind_s)
+    t_s = _gps_s([lines[k] for k in epochs.tolist()], scale) - start_gps_s
+    good = np.isfinite(t_s)
+    good[good] = in_order(t_s[good])
     row = np.searchsorted(epochs, records) - 1
-    column = _columns(path, lines, records, row, satellites)
-    if len(records) != len(epochs) * len(satellites):
-        counts = np.bincount(row, minlength=len(epochs))
-        short = int(np.argmax(counts != len(satellites)))
+    values, whole = _numbers([lines[k] for k in records.tolist()])
+    number = {name: k for k, name in enumerate(satellites)}
+    names = [_name(lines[k][1:4]) for k in records.tolist()]
+    column = np.array([number.get(name, -1) for name in names], np.int64)
+    whole &= (column >= 0) & (row >= 0)
+    whole[whole] = _first_of_each(row[whole] * len(satellites) + column[whole])
+    usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
+    if not usable.any():
         raise BadInputError(
-            f"{path}: line {epochs[short] + 1}: the epoch must hold {len(satellites)} satellites, "
-            f"got {counts[short]}; fetch the file again"
+            f"{path}: must hold a position of a satellite, has none; fetch it again"
         )
-    values = _numbers(path, lines, records)
     p_e_m = np.full((len(epochs), len(satellites), 3), np.nan)
     clock_s = np.full(p_e_m.shape[:2], np.nan)
-    absent = (values[:, :3] == 0).all(axis=1)
-    p_e_m[row, column] = np.where(absent[:, None], np.nan, values[:, :3] * 1e3)
-    clock_s[row, column] = np.where(values[:, 3] >= _NO_CLOCK_US, np.nan, values[:, 3] * 1e-6)
-    return _File(path, t_s, satellites, p_e_m, clock_s, int(np.count_nonzero(kind == "V")))
+    x = values[usable]
+    absent = (x[:, :3] == 0).all(axis=1)
+    where = row[usable], column[usable]
+    p_e_m[where] = np.where(absent[:, None], np.nan, x[:, :3] * 1e3)
+    clock_s[where] = np.where(np.abs(x[:, 3]) >= _NO_CLOCK_US, np.nan, x[:, 3] * 1e-6)
+    counts = Counter[tuple[str, str]]()
+    reason = "no four numbers with six decimals, or no satellite of the header, or twice"
+    counts[f"{path.name} record", reason] = int((~whole).sum())
+    reason = "an epoch has fewer than the header has satellites"
+    counts[f"{path.name} record", reason] = max(p_e_m[..., 0].size - len(records), 0)
+    reason = "no date, or not later than all before"
+    counts[f"{path.name} epoch", reason] = int((~good).sum())
+    reason = "the header announces more: the file may be cut"
+    counts[f"{path.name} epoch", reason] = max(announced - len(epochs), 0)
+    if not any(line.startswith("EOF") for line in lines[-3:]):
+        counts[f"{path.name} EOF", "is missing: the file may be cut"] = 1
+    counts["SP3 velocity", "differences of positions serve"] = int((kind == "V").sum())
+    for k, n in Counter(names[k][0] for k in np.flatnonzero(usable)).items():
+        if k not in KNOWN_SATELLITES:
+            counts[f"{_OTHERS.get(k, k)} orbit", "constellation not used"] = n
+    return _File(path, t_s[good], satellites, p_e_m[good], clock_s[good], counts)
 
 
-def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, float]:
-    """Return satellites, number of epochs, and how far the time scale is behind GPS time."""
+def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
+    """Return satellites, number of epochs, and the time scale."""
     first = lines[0]
-    if first[:2] not in ("#c", "#d") or first[2:3] not in ("P", "V"):
-        raise BadInputError(
-            f"{path}: line 1: must start with #c or #d (SP3), got {quoted(first[:12])}"
-        )
+    if first[:2] not in ("#a", "#b", "#c", "#d") or first[2:3] not in ("P", "V"):
+        raise BadInputError(f"{path}: line 1: must start with #a to #d, got {quoted(first[:12])}")
     listed = [line for line in lines if line.startswith("+ ")]
     names = "".join(line[9:60].ljust(51) for line in listed)
-    scale = next((line[9:12] for line in lines if line.startswith("%c")), "")
+    scale = next((line[9:12] for line in lines if line.startswith("%c")), "GPS")
+    scale = "GPS" if scale == "ccc" else scale  # SP3-a and -b have none
     try:
         announced, count = int(first[32:39]), int(listed[0][3:6])
     except (ValueError, IndexError) as error:
@@ -160,83 +156,60 @@ def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, float]:
             f"{path}: header must tell the numbers of epochs and satellites, "
             f"got {quoted(first[32:39])}"
         ) from error
-    satellites = tuple(names[3 * k : 3 * k + 3].replace(" ", "0") for k in range(count))
-    wrong = [s for s in satellites if s[:1] not in "GRECJSI" or not s[1:].isdigit()]
+    satellites = tuple(_name(names[3 * k : 3 * k + 3]) for k in range(count))
+    wrong = [s for s in satellites if s[:1] not in "GRECJSIL" or not s[1:].isdigit()]
     if wrong or not satellites or len(set(satellites)) < count:
         got = wrong[0] if wrong else f"{count} with repetitions"
         raise BadInputError(f"{path}: header must list each satellite once, got {quoted(got)}")
-    if scale not in _BEHIND_GPS_S:
-        raise BadInputError(
-            f"{path}: time system must be one of {', '.join(_BEHIND_GPS_S)}, got {quoted(scale)}"
-        )
-    return satellites, announced, _BEHIND_GPS_S[scale]
+    if scale not in (*_BEHIND_GPS_S, *_UTC):
+        scales = ", ".join((*_BEHIND_GPS_S, *_UTC))
+        raise BadInputError(f"{path}: time system must be one of {scales}, got {quoted(scale)}")
+    return satellites, announced, scale
 
 
-def _epochs(path: Path, lines: list[str], rows: IntArray, start_gps_s: float) -> FloatArray:
-    """Return the epochs since the start."""
-    t_s = np.empty(len(rows))
-    for k, row in enumerate(rows.tolist()):
-        line = lines[row]
+def _name(text: str) -> str:
+    """Return a satellite's name; SP3-a has GPS alone, by numbers."""
+    text = text.ljust(3)
+    return ("G" if text[0] == " " else text[0]) + text[1:].replace(" ", "0")
+
+
+def _gps_s(lines: Sequence[str], scale: str) -> FloatArray:
+    """Return the GPS times of epochs; NaN where there is no date."""
+    t_s = np.full(len(lines), np.nan)
+    for k, line in enumerate(lines):
+        words = line[1:].split()
         try:
-            year, month, day, hour, minute = (int(f) for f in line[1:].split()[:5])
-            second = float(line[20:31])
+            year, month, day, hour, minute = (int(word) for word in words[:5])
             date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-        except ValueError as error:
-            raise BadInputError(
-                f"{path}: line {row + 1}: must be an epoch, got {quoted(line)}"
-            ) from error
-        days_s = (date - GPS_EPOCH) / np.timedelta64(1, "s")
-        t_s[k] = days_s - start_gps_s + hour * 3600 + minute * 60 + second
-        if (
-            not 0 <= hour < 24
-            or not 0 <= minute < 60
-            or not 0 <= second < 60
-            or (k and t_s[k] <= t_s[k - 1])
-        ):
-            raise BadInputError(
-                f"{path}: line {row + 1}: time must increase, got {quoted(line[:31])}"
-            )
-    return t_s
+            second = float(words[5])
+        except (ValueError, IndexError):
+            continue
+        if 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61:
+            days_s = (date - GPS_EPOCH) / np.timedelta64(1, "s")
+            t_s[k] = days_s + hour * 3600 + minute * 60 + second
+    if scale in _UTC:
+        return gps_of_utc(t_s + UNIX_OF_GPS_S)
+    return t_s + _BEHIND_GPS_S[scale]
 
 
-def _columns(
-    path: Path, lines: list[str], records: IntArray, row: IntArray, satellites: tuple[str, ...]
-) -> IntArray:
-    """Return the satellite of each position record; raise if one is foreign or comes twice."""
-    number = {name: k for k, name in enumerate(satellites)}
-    names = [lines[r][1:4].replace(" ", "0") for r in records.tolist()]
-    column = np.array([number.get(name, -1) for name in names], int)
-    key = row * len(satellites) + column
-    order = np.argsort(key, kind="stable")
-    twice = np.zeros(len(key), bool)
-    twice[order[1:]] = np.diff(key[order]) == 0
-    wrong = (column < 0) | (row < 0) | twice
-    if wrong.any():
-        k = int(np.argmax(wrong))
-        raise BadInputError(
-            f"{path}: line {records[k] + 1}: must be a satellite of the header, once per epoch, "
-            f"got {quoted(names[k])}"
-        )
-    return column
+def _first_of_each(keys: IntArray) -> BoolArray:
+    """Return which of equal keys are the first."""
+    first = np.zeros(len(keys), np.bool_)
+    first[np.unique(keys, return_index=True)[1]] = True
+    return first
 
 
-def _numbers(path: Path, lines: list[str], records: IntArray) -> NDArray[Any]:
-    """Return positions, km, and clocks, us, of records (k, 4)."""
-    rows = [lines[r][:_WIDTH].ljust(_WIDTH).encode("latin-1") for r in records.tolist()]
-    block = np.array(rows, f"S{_WIDTH}")
-    fields = block.view("S1").reshape(-1, _WIDTH)[:, 4:].copy().view("S14")
+def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
+    """Return positions, km, and clocks, us, (k, 4), and which records are whole."""
+    rows = [line[:_WIDTH].ljust(_WIDTH).encode("latin-1") for line in lines]
+    fields = np.array(rows, f"S{_WIDTH}").view("S1").reshape(-1, _WIDTH)[:, 4:].copy().view("S14")
     try:
-        values = fields.astype(float)
-        fault = ~np.isfinite(values).all(axis=1)
+        values = fields.astype(np.float64)
     except ValueError:
-        fault = np.array([not all(map(is_number, row)) for row in fields.tolist()])
-        values = np.zeros(fields.shape)
+        numbers = [[float(x) if is_number(x) else np.nan for x in row] for row in fields.tolist()]
+        values = np.array(numbers)
     # Six decimals at fixed columns: a shifted or shortened number would parse to another value.
-    fault |= (fields.view("S1").reshape(len(fields), 4, 14)[:, :, 7] != b".").any(axis=1)
-    if fault.any():
-        k = int(records[int(np.argmax(fault))])
-        raise BadInputError(
-            f"{path}: line {k + 1}: must hold four numbers with six decimals, "
-            f"got {quoted(lines[k][:_WIDTH])}"
-        )
-    return values
+    letters = fields.view("S1").reshape(len(fields), 4, 14)
+    digits = np.char.isdigit(letters[:, :, [6, 8, 13]]).all(axis=(1, 2))
+    whole = np.isfinite(values).all(axis=1) & (letters[:, :, 7] == b".").all(axis=1) & digits
+    return values, whole

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.frontend.attitude.in_motion import WINDOW_S
-from fgnav.frontend.causal.truncation import SAMPLED, truncated
+from fgnav.frontend.causal.truncation import truncated
 from fgnav.frontend.prepared import Earlier, PreparedFlight
 from fgnav.gnss.signals import band, select
 from fgnav.gnss.single_point.atmosphere_choice import is_decided
@@ -75,7 +75,7 @@ def _surroundings(flight: Flight, from_s: float) -> dict[str, Any]:
         record = getattr(flight, name)
         if record is not None:
             rows = (record.t_s > from_s) | (np.arange(len(record.t_s)) < _FIRST)
-            kept[name] = replace(record, **{n: getattr(record, n)[rows] for n in SAMPLED[name]})
+            kept[name] = record[rows]
     return kept
 
 
@@ -83,7 +83,7 @@ def _solved_s(flight: Flight) -> float:
     """Return the last epoch with a position."""
     if flight.observations is not None:
         return float(code_solution(flight, causal=True).t_s[-1])
-    return -np.inf if flight.fixes is None else float(flight.fixes.t_s[-1])
+    return float(flight.fixes[0].t_s[-1]) if flight.fixes else -np.inf
 
 
 def _without_beginning(flight: Flight, observations: Observations, from_s: float) -> Observations:

@@ -156,14 +156,16 @@ def _recorded(
     if now.imu.w_b_radps is not None:
         newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
         rates = np.tile(newest, (n, 1))
-    velocity = _series(now.velocity, n, _arm_b_m(now, set_up))
+    position, velocity = (
+        _series(one, n, _arm_b_m(now, set_up)) for one in (now.position, now.velocity)
+    )
     return Recorded(
         array=None if now.array is None else now.array[np.zeros(n, dtype=np.int64)],
         array_valid=valid,
         float_stretch=np.full(n, -1, dtype=np.int64),
         shape=None,
         antennas=(),
-        position=_series(now.position, n, _arm_b_m(now, set_up)),
+        positions=() if position is None else (position,),
         velocities=() if velocity is None else (velocity,),
         sensed=sensed,
         gravity_n_mps2=gravity_n_mps2,

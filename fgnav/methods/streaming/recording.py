@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, SAMPLED, truncated
+from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, truncated
 from fgnav.types.flight import Flight
+from fgnav.types.instruments import Samples
+from fgnav.types.instruments import joined as joined_samples
 from fgnav.types.observations import Observations
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
@@ -17,8 +19,10 @@ _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 
 def epochs_s(flight: Flight) -> FloatArray:
     """Return the epochs of raw observations, or else of fixes, (n,)."""
-    gnss = flight.observations or flight.fixes
-    return np.empty(0) if gnss is None else gnss.t_s
+    if flight.observations is not None:
+        return flight.observations.t_s
+    times = [one.t_s for one in flight.fixes]
+    return np.unique(np.concatenate([np.empty(0), *times]))
 
 
 def pieces(flight: Flight) -> Iterator[Flight]:
@@ -42,27 +46,24 @@ def joined(*parts: Flight) -> Flight:
     BadInputError
         If a record does not go on where it ended.
     """
+    records: dict[str, Samples] = {}
+    for name in dict.fromkeys(name for part in parts for name in part.records):
+        of = [part.records[name] for part in parts if name in part.records]
+        filled = [one for one in of if len(one.t_s)] or of[:1]
+        records[name] = of[0]
+        if name != "truth":
+            _follow(name, filled)
+            records[name] = joined_samples(filled)
     changed: dict[str, Any] = {}
     for name in ("broadcast", "precise"):
         orbits = [one for part in parts if (one := getattr(part, name)) is not None]
         changed[name] = orbits[-1] if orbits else None
-    for name, sampled in SAMPLED.items():
-        of = [one for part in parts if (one := getattr(part, name)) is not None]
-        records = [one for one in of if len(one.t_s)] or of[:1]
-        if len(records) > 1:
-            _follow(name, records)
-            columns = {n: [getattr(one, n) for one in records] for n in sampled}
-            changed[name] = replace(
-                records[0], **{n: np.concatenate(v) for n, v in columns.items() if v[0] is not None}
-            )
-        elif records:
-            changed[name] = records[0]
     changed["observations"] = _observed([one.observations for one in parts])
     bases = [one.base for one in parts if one.base is not None]
     if bases:
         ground = _observed([one.observations for one in bases])
         changed["base"] = None if ground is None else replace(bases[0], observations=ground)
-    return replace(parts[0], **changed)
+    return replace(parts[0], **changed).with_records(records)
 
 
 def _follow(name: str, records: Sequence[Any]) -> None:

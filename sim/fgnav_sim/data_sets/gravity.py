@@ -106,7 +106,7 @@ def _windows(
     world: GravityWorld, flight: Flight, number: int, phase: int, *, rng: np.random.Generator
 ) -> GravityEpochs:
     """Return windows that end at velocities drawn from a flight."""
-    imu, fixes, truth, table = flight.imu, flight.fixes, flight.truth, world.windows
+    imu, fixes, truth, table = flight.imu, flight.first_fixes, flight.truth, world.windows
     if imu is None or fixes is None or fixes.v_n_mps is None or truth is None:
         raise BadInputError(f"flight {flight.name}: needs accelerations, velocities and truth")
     last = np.searchsorted(imu.t_s, fixes.t_s + 0.5 / world.imu.rate_hz) - 1

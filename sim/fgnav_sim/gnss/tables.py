@@ -9,6 +9,7 @@ from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
 from fgnav.types.flight import GnssNoise
+from fgnav.types.receiver import Measured
 
 Angle = Annotated[float, msgspec.Meta(ge=0, lt=90)]
 _Azimuth = Annotated[float, msgspec.Meta(ge=0, le=360)]
@@ -196,9 +197,27 @@ class GnssTable(Table, frozen=True):
                     )
 
 
+class BaselineTable(Table, frozen=True):
+    """The vector between two antennas as a receiver has it, white noise per axis."""
+
+    antennas: tuple[str, str] = ("a1", "a2")  # from the first to the second
+    rate_hz: Positive = 5.0
+    measures: Measured = "vector"  # all of it, its direction, or its heading
+    noise_m: Positive = 0.01
+    gaps_s: tuple[tuple[NotNegative, Positive], ...] = ()  # spans in which it is not solved
+
+
 def antenna_names(antennas: int) -> tuple[str, ...]:
     """Return the names of the antennas of a simulated flight: ``a1`` is the reference."""
     return tuple(f"a{k}" for k in range(1, antennas + 1))
+
+
+def check_names(key: str, used: tuple[str, ...], antennas: int) -> None:
+    """Raise unless names of antennas are among those of a flight, each used once."""
+    names = antenna_names(antennas)
+    for name in used:
+        if name not in names or used.count(name) > 1:
+            raise ValueError(f"{key}: must be among {names[0]} to {names[-1]}, once, got {name!r}")
 
 
 def check_signals(of: dict[str, tuple[str, ...]]) -> None:

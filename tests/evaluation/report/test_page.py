@@ -172,6 +172,7 @@ def test_a_page_without_truth_or_sensors_still_stands(flight, off, lost, tmp_pat
     text, page = read(tmp_path / "a.html")
     assert "errors" not in page.ids
     assert "RMS differences of methods" in text
+    assert "a − b" in text
     assert "yaw: not in the data" in text
 
 

@@ -6,7 +6,13 @@ import pytest
 from fgnav.checks import Loss
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.integer_counts import IntegerCounts
-from fgnav.evaluation.report.table import comparison_table, loss_lines, remarks
+from fgnav.evaluation.report.table import (
+    comparison_table,
+    loss_lines,
+    quality_lines,
+    remarks,
+    score_table,
+)
 from fgnav.types.estimate import Rejected
 
 
@@ -14,17 +20,40 @@ def printed(comparison, width=110) -> str:
     return "\n".join(comparison_table(comparison, width))
 
 
-def row(text: str, name: str) -> list[str]:
-    return next(line for line in text.splitlines() if line.strip().startswith(name)).split()
+def row(comparison, name: str) -> dict[str, str]:
+    heads, rows = score_table(comparison)
+    (figures,) = (figures for of, *figures in rows if of == name)
+    return dict(zip((head for head, _ in heads), figures, strict=True))
 
 
 def test_each_method_has_its_figures_in_its_row(flight, off, lost):
-    text = printed(compare(flight, [off("tilted", (0, 0, 0.01), position_m=0.25), lost()]))
-    tilted = row(text, "tilted")
-    assert tilted[4:7] == ["0.573", "0.250", "0.500"]
-    assert tilted[11] == "100.0"
-    assert set(row(text, "lost")[1:-1]) == {"–"}
-    assert "bound" in text
+    comparison = compare(flight, [off("tilted", (0, 0, 0.01), position_m=0.25), lost()])
+    tilted = row(comparison, "tilted")
+    assert [tilted[n] for n in ("angle", "position", "velocity")] == ["0.573", "0.250", "0.500"]
+    assert tilted["epochs"] == "100.0"
+    assert {value for name, value in row(comparison, "lost").items() if name != "time"} == {"–"}
+
+
+def test_columns_without_a_figure_are_left_out(flight, off):
+    comparison = compare(flight, [off("tilted", (0, 0, 0.01))])
+    assert (
+        not {"position", "velocity", "NEES", "NIS", "azimuth", "fixed"}
+        & row(comparison, "tilted").keys()
+    )
+
+
+def test_without_truth_a_row_has_medians_of_sigmas_and_a_line_names_an_open_heading(flight, off):
+    n, more = len(off("a").t_s), {}
+    sigma_rad = np.where(np.arange(n) < 20, 1.0, 0.01)
+    more["attitude_covariance_rad2"] = sigma_rad[:, None, None] ** 2 * np.eye(3)
+    more["position_covariance_m2"] = np.tile(np.diag([0.04, 0.04, 0.01]), (n, 1, 1))
+    comparison = compare(replace(flight, truth=None), [off("a", position_m=0.0, more=more)])
+    found = row(comparison, "a")
+    assert float(found["roll"]) == pytest.approx(np.degrees(0.01), abs=0.02)
+    assert (found["position"], "velocity" in found) == ("0.300", False)
+    first, second = quality_lines(comparison)
+    assert "1σ (median): roll 0.5" in first
+    assert second == "a: heading is open 0.0 to 1.9 s, 1.9 s in all"
 
 
 @pytest.mark.parametrize("width", [110, 80, 60, 40])
@@ -41,7 +70,8 @@ def test_integers_are_shares_of_links_and_of_fixed_links(flight, off):
     method = comparison["a"]
     counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20)
     method = replace(method, score=replace(method.score, integers=counts))
-    assert row(printed(replace(comparison, methods=(method,))), "a")[12:14] == ["80.0", "25.00"]
+    figures = row(replace(comparison, methods=(method,)), "a")
+    assert (figures["fixed"], figures["wrong"]) == ("80.0", "25.00")
 
 
 @pytest.mark.parametrize("chance", [0.002, 0.04])
@@ -52,7 +82,7 @@ def test_the_stated_chance_of_wrong_integers_stands_in_the_table_and_is_warned_o
     counts = IntegerCounts(fixed=80, not_fixed=20, right=60, wrong=20, chance=chance)
     method = replace(comparison["a"], score=replace(comparison["a"].score, integers=counts))
     changed = replace(comparison, methods=(method,))
-    assert row(printed(changed), "a")[14] == f"{100 * chance:.2f}"
+    assert row(changed, "a")["chance"] == f"{100 * chance:.2f}"
     warned = [line for line in remarks(changed) if "wrong with a chance of" in line]
     assert len(warned) == (chance > 0.01)
 
@@ -123,7 +153,8 @@ def test_errors_against_a_reference_are_called_so_and_truth_is_truth(flight, off
     assert "RMS errors," in text
     assert "ref" not in text
     filtered = replace(flight, truth=replace(flight.truth, source="filter"))
-    comparison = compare(filtered, [off("a")])
+    stated = {"attitude_covariance_rad2": np.tile(np.eye(3), (len(off("a").t_s), 1, 1))}
+    comparison = compare(filtered, [off("a", more=stated)])
     assert "RMS errors against a reference" in printed(comparison)
     assert "NEES ref" in printed(comparison)
     (line,) = (line for line in remarks(comparison) if "estimate itself" in line)

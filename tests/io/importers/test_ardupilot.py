@@ -74,12 +74,38 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     np.testing.assert_allclose(flight.imu.w_b_radps[50], [0.1, 0.2, 0.3], rtol=1e-6)
     np.testing.assert_allclose(flight.imu.f_b_mps2[50], [1, 2, -9.75], rtol=1e-6)
     p_e_m = ecef(np.radians([47.0]), np.radians([8.0]), np.array([497.5]))[0]
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m)[0], p_e_m, atol=1e-3)
-    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [0, 5, 0.5], atol=1e-6)
-    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [1.5, 1.5, 2.5])
-    np.testing.assert_allclose(flight.fixes.velocity_sigma_mps[0], [0.25] * 3)
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m)[0], p_e_m, atol=1e-3)
+    np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [0, 5, 0.5], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
+    np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"has no height (Status)": 1, "of another instance": 100}
+
+
+def test_a_log_of_2014_counts_milliseconds(tmp_path):
+    columns = "Status,TimeMS,Week,NSats,HDop,Lat,Lng,RelAlt,Alt,Spd,GCrs,VZ,T"
+    formats = {
+        1: ("IMU", "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "<I6f"),
+        2: ("GPS", "BIHBcLLeeEefI", columns, "<BIHBhiiiiIifI"),
+    }
+    out = record(128, 128, 89, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns")
+    for kind, (name, form, names, code) in formats.items():
+        size = struct.calcsize(code) + 3
+        out += record(128, kind, size, name.encode(), form.encode(), names.encode())
+    for k in range(100):
+        body = struct.pack("<I6f", 5000 + 20 * k, 0.1, 0.2, 0.3, 1.0, 2.0, -9.75)
+        out += b"\xa3\x95\x01" + body
+    for k in range(2):
+        place = (470_000_000, 80_000_000, 100, 45_000, 500, 9000, 0.5)
+        fix = struct.pack("<BIHBhiiiiIifI", 3, MS + 1000 * k, WEEK, 12, 80, *place, 5000 + 1000 * k)
+        out += b"\xa3\x95\x02" + fix
+    (tmp_path / "log.BIN").write_bytes(out)
+    _, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
+    assert flight.start_gps_s == WEEK * 604800 + MS / 1e3
+    np.testing.assert_allclose(flight.imu.t_s[[0, -1]], [0, 1.98], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].t_s, [0, 1], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [0, 5, 0.5], atol=1e-6)
+    assert flight.origin.height_m == pytest.approx(450)
 
 
 def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
@@ -108,7 +134,7 @@ def test_without_undulation_heights_are_above_the_sea_and_that_is_said(tmp_path)
     (tmp_path / "log.BIN").write_bytes(log(accuracy=False))
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
     assert flight.origin.height_m == pytest.approx(450)
-    assert flight.fixes.unstated == ("position", "velocity")
+    assert flight.fixes[0].unstated == ("position", "velocity")
     assert "above the sea" in whole.notes["fixes"]
 
 
@@ -125,7 +151,7 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
 def test_without_a_fix_the_unit_keeps_its_own_clock(tmp_path):
     (tmp_path / "log.BIN").write_bytes(log(status=1))
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
-    assert (len(flight.imu.t_s), flight.fixes) == (100, None)
+    assert (len(flight.imu.t_s), flight.fixes) == (100, ())
     assert "imu.clock_offset_s" in whole.missing
 
 

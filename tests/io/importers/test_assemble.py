@@ -63,8 +63,8 @@ def test_the_car_of_two_files_is_one_flight(shared, tmp_path):
     still = flight.imu.t_s < 30
     down = flight.imu.f_b_mps2[still].mean(axis=0)
     assert down[2] == pytest.approx(-9.80665, abs=0.2)
-    assert flight.antennas[0].name == flight.fixes.antenna == "roof"
-    assert (flight.imu.t_s[0], flight.fixes.t_s[0]) == (0, 0)
+    assert flight.antennas[0].name == flight.fixes[0].antenna == "roof"
+    assert (flight.imu.t_s[0], flight.fixes[0].t_s[0]) == (0, 0)
 
 
 def test_a_dated_unit_stays_where_it_was(tmp_path):
@@ -73,7 +73,7 @@ def test_a_dated_unit_stays_where_it_was(tmp_path):
     )
     assert whole.flight.start_gps_s == 1003
     np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(5.0) - 2.75)
-    np.testing.assert_allclose(whole.flight.fixes.t_s, np.arange(5.0))
+    np.testing.assert_allclose(whole.flight.fixes[0].t_s, np.arange(5.0))
     assert "imu.clock_offset_s" not in whole.missing
 
 
@@ -88,8 +88,14 @@ def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
     both = unit(tmp_path, clock="own").tables | fixes(tmp_path).tables
     one = Recording(source=tmp_path / "a", tables=both, clock="own")
     whole = assemble([one], Settings(start="2025-07-08T00:00:00"))
-    assert (whole.flight.imu.t_s[0], whole.flight.fixes.t_s[0]) == (-3, 0)
+    assert (whole.flight.imu.t_s[0], whole.flight.fixes[0].t_s[0]) == (-3, 0)
     assert "imu.clock_offset_s" not in whole.missing
+
+
+def test_clocks_of_two_receivers_that_may_differ_are_said(tmp_path):
+    files = [fixes(tmp_path, clock="own"), fixes(tmp_path, clock="own")]
+    assert "have clocks of their own" in assemble(files, Settings()).missing["fixes"]
+    assert "fixes" not in assemble(files[:1], Settings()).missing
 
 
 def test_without_any_date_or_place_that_is_said(tmp_path):
@@ -114,13 +120,13 @@ def test_fixes_without_a_spread_are_left_out(tmp_path):
     table = dict(fixes(tmp_path).tables["fixes"])
     table |= {f"sigma_{axis}_m": np.array([1.0, 1.0, 0.0, 1.0, 1.0]) for axis in "ned"}
     whole = assemble([Recording(source=tmp_path / "b", tables={"fixes": table})], Settings())
-    assert len(whole.flight.fixes.t_s) == 4
+    assert len(whole.flight.fixes[0].t_s) == 4
     assert [loss.count for loss in whole.flight.losses] == [1]
 
 
 def test_what_no_flight_can_have_is_refused(tmp_path):
     with pytest.raises(
-        BadInputError, match="c: has imu, as a has; a flight takes those of one inertial"
+        BadInputError, match="c: has imu, as a has; a flight takes those of one instr"
     ):
         assemble([unit(tmp_path), unit(tmp_path, name="c")], Settings())
     with pytest.raises(BadInputError, match="a: holds nothing that a flight could use"):
@@ -145,7 +151,7 @@ def test_formats_are_told_by_first_bytes_then_by_names(tmp_path):
         ("imu.csv", b"1,2,3\n", "csv"),
     ]:
         (tmp_path / name).write_bytes(content)
-        assert recognised(tmp_path / name) == format_
+        assert recognised(tmp_path / name, tmp_path)[0] == format_
 
 
 def test_help_names_every_format(capsys):
@@ -158,8 +164,9 @@ def test_a_format_that_nobody_knows_is_one_line(tmp_path, capsys):
     (tmp_path / "a.xyz").write_bytes(b"\0\1")
     line = refused(capsys, tmp_path, tmp_path / "a.xyz")
     assert r"a.xyz: of no known format, it starts with b'\x00\x01'; state it by" in line
-    assert "fgnav import --format, one of csv, " in line
+    assert "state it by --format, one of csv, " in line
     assert "nowhere: no such file" in refused(capsys, tmp_path, tmp_path / "nowhere")
+    assert "is a folder, and no bag; name the files" in refused(capsys, tmp_path, tmp_path)
     assert main(["import", "--out", str(tmp_path / "none")]) == 2
     assert "name a file to import" in capsys.readouterr().err
 

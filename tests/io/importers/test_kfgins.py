@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from fgnav.io.importers.recognise import recognised
 from tests.io.importers.helpers import imported, refused
 
 STEP_S, RATE, FORCE = 0.005, [0.1, -0.2, 0.3], [0.5, -1.0, -9.8]
@@ -25,15 +26,23 @@ def test_increments_become_rates_at_the_middle_of_their_interval(tmp_path, files
     np.testing.assert_allclose(flight.imu.t_s[:2], [STEP_S / 2, 1.5 * STEP_S], atol=1e-7)
     np.testing.assert_allclose(flight.imu.w_b_radps, np.tile(RATE, (400, 1)), rtol=1e-6)
     np.testing.assert_allclose(flight.imu.f_b_mps2, np.tile(FORCE, (400, 1)), rtol=1e-6)
-    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [0.01, 0.02, 0.03])
-    np.testing.assert_allclose(flight.fixes.p_n_m[1], [0, 0, -1], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [0.01, 0.02, 0.03])
+    np.testing.assert_allclose(flight.fixes[0].p_n_m[1], [0, 0, -1], atol=1e-6)
     np.testing.assert_allclose(flight.truth.v_n_mps[0], [1, 2, 3], atol=1e-9)
+
+
+def test_its_files_are_told_by_their_content(tmp_path, files):
+    for path in files:
+        assert recognised(path, tmp_path) == ("kfgins", path)
+    rates = [f"{456300 + 0.01 * k:.2f} 0.01 0.02 0.03 0.1 0.2 -9.8" for k in range(5)]
+    (tmp_path / "rates.csv").write_text("\n".join(rates) + "\n")  # no increments
+    assert recognised(tmp_path / "rates.csv", tmp_path)[0] == "csv"
 
 
 def test_a_week_that_no_file_states_comes_from_the_settings(tmp_path, files):
     toml = 'start = "2018-09-07T06:45:00"\n'  # in week 2017
     _, flight = imported(tmp_path, "kfgins", *files[:2], toml=toml)
-    assert flight.fixes.t_s[0] == pytest.approx(456300 - (5 * 86400 + 6.75 * 3600))
+    assert flight.fixes[0].t_s[0] == pytest.approx(456300 - (5 * 86400 + 6.75 * 3600))
 
 
 def test_a_gap_of_the_unit_does_not_thin_its_rates(tmp_path, files):

@@ -12,17 +12,17 @@ def test_the_car_comes_out_as_its_numbers_are(shared, tmp_path):
     file = shared / "flights" / "drive_0708" / "gnss_1934_sf.pos"
     _, flight = imported(tmp_path, "pos", file)
     rows = [line.split() for line in file.read_text().splitlines()[1:]]
-    assert len(flight.fixes.t_s) == len(rows)
+    assert len(flight.fixes[0].t_s) == len(rows)
     # 2025-07-08 is day 2 of GPS week 2374; the first row is at 19:34:18.499.
     day_s = 19 * 3600 + 34 * 60 + 18.499
     assert flight.start_gps_s == pytest.approx(2374 * 604800 + 2 * 86400 + day_s, abs=1e-6)
     place = np.array([row[2:5] for row in rows], float)
     p_e_m = ecef(np.radians(place[:, 0]), np.radians(place[:, 1]), place[:, 2])
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m), p_e_m, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m), p_e_m, rtol=0, atol=1e-4)
     speed = np.linalg.norm(np.array([row[15:18] for row in rows], float), axis=1)
-    np.testing.assert_allclose(np.linalg.norm(flight.fixes.v_n_mps, axis=1), speed, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(flight.fixes[0].v_n_mps, axis=1), speed, atol=1e-6)
     east = np.array([row[8] for row in rows], float)
-    np.testing.assert_allclose(flight.fixes.position_sigma_m[:, 1], east, atol=1e-9)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m[:, 1], east, atol=1e-9)
 
 
 def test_weeks_and_ecef_are_read_too(tmp_path):
@@ -36,7 +36,7 @@ def test_weeks_and_ecef_are_read_too(tmp_path):
     _, earth = imported(tmp_path / "b", "pos", tmp_path / "b.pos")
     assert earth.start_gps_s == geodetic.start_gps_s == 2374 * 604800 + 243258.5
     np.testing.assert_allclose(earth.origin.p_e_m, geodetic.origin.p_e_m, rtol=0, atol=1e-3)
-    np.testing.assert_allclose(geodetic.fixes.position_sigma_m, [[0.01, 0.02, 5e-5]])
+    np.testing.assert_allclose(geodetic.fixes[0].position_sigma_m, [[0.01, 0.02, 5e-5]])
 
 
 MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude(d'\")")
@@ -86,7 +86,7 @@ def test_what_fgnav_exports_is_read_again(tmp_path):
     exporter_named("pos")(estimate, tmp_path / "e.pos")
     _, flight = imported(tmp_path, "pos", tmp_path / "e.pos")
     p_e_m = ORIGIN.to_e(estimate.estimate.p_n_m)
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m), p_e_m, rtol=0, atol=2e-4)
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m), p_e_m, rtol=0, atol=2e-4)
     # Positions lie up to a kilometre from the origins, whose axes differ by less than 1e-3.
     speed = np.linalg.norm(estimate.estimate.v_n_mps, axis=1)
-    np.testing.assert_allclose(np.linalg.norm(flight.fixes.v_n_mps, axis=1), speed, atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(flight.fixes[0].v_n_mps, axis=1), speed, atol=1e-4)

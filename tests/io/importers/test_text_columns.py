@@ -61,10 +61,10 @@ def test_columns_by_name_dates_and_a_velocity_up(tmp_path):
     _, flight = imported(tmp_path, "csv", file, toml=FIXES)
     # 2025-07-08 is day 2 of GPS week 2374.
     assert flight.start_gps_s == 2374 * 604800 + 2 * 86400 + 19 * 3600 + 34 * 60 + 18.5
-    np.testing.assert_allclose(flight.fixes.t_s, [0, 1], atol=1e-6)
-    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [10, 0, -1], atol=1e-6)
-    assert flight.fixes.p_n_m[1, 2] == pytest.approx(-1, abs=1e-3)
-    assert flight.fixes.unstated == ("position", "velocity")
+    np.testing.assert_allclose(flight.fixes[0].t_s, [0, 1], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [10, 0, -1], atol=1e-6)
+    assert flight.fixes[0].p_n_m[1, 2] == pytest.approx(-1, abs=1e-3)
+    assert flight.fixes[0].unstated == ("position", "velocity")
 
 
 def test_utc_is_eighteen_seconds_behind_gps_since_2017(tmp_path):
@@ -103,7 +103,7 @@ def test_one_file_of_two_tables_with_empty_cells(tmp_path):
         tables += ["[[csv]]", f'table = "{kind}"', 'clock = "utc"', "[csv.columns]", 't_s = "time"']
         tables += [f'{name} = "{column}"' for name, column in columns.items()]
     whole, flight = imported(tmp_path, "csv", tmp_path / "log.csv", toml="\n".join(tables))
-    assert (len(flight.imu.t_s), len(flight.fixes.t_s)) == (3, 1)
+    assert (len(flight.imu.t_s), len(flight.fixes[0].t_s)) == (3, 1)
     assert flight.start_gps_s == pytest.approx(1751000000.01 - 315964800 + 18, abs=1e-6)
     np.testing.assert_allclose(flight.imu.t_s, [-0.01, 0, 0.01], atol=1e-6)
     assert {loss.what: loss.count for loss in whole.flight.losses} == {"fixes row": 2}

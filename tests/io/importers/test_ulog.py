@@ -81,11 +81,11 @@ def test_samples_fixes_and_filter_come_out_as_logged(file, tmp_path):
     np.testing.assert_allclose(flight.imu.f_b_mps2[7], [1, 2, -9.75], rtol=1e-6)
     np.testing.assert_allclose(flight.imu.w_b_radps[7], [0.1, 0.2, 0.3], rtol=1e-6)
     p_e_m = ecef(np.radians([47.0]), np.radians([8.0]), np.array([450.0]))[0]
-    assert len(flight.fixes.t_s) == 2
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes.p_n_m)[0], p_e_m, atol=1e-3)
-    np.testing.assert_allclose(flight.fixes.v_n_mps[0], [3, -4, 0.5], atol=1e-6)
-    np.testing.assert_allclose(flight.fixes.position_sigma_m[0], [1.5, 1.5, 2.5])
-    np.testing.assert_allclose(flight.fixes.velocity_sigma_mps[0], [0.25] * 3)
+    assert len(flight.fixes[0].t_s) == 2
+    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m)[0], p_e_m, atol=1e-3)
+    np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [3, -4, 0.5], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
+    np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
     np.testing.assert_allclose(to_euler(flight.truth.R_nb)[0], [0, 0, 0.4], atol=1e-6)
     lost = {loss.reason: loss.count for loss in whole.flight.losses}
     assert lost == {"has no height (fix_type)": 1}
@@ -102,17 +102,39 @@ def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
     np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
 
 
+RELATIVE = "uint64_t timestamp;float[3] position;float[3] position_accuracy;"
+RELATIVE += "bool relative_position_valid;bool carrier_solution_fixed;bool moving_base_mode;"
+
+
+def test_a_moving_base_is_a_baseline(tmp_path):
+    content = log(*LOGS["of 2024"])
+    head = 16 + len(message(b"B", bytes(40)))
+    fields = message(b"F", f"sensor_gnss_relative:{RELATIVE}".encode())
+    out = message(b"A", struct.pack("<BH", 0, 9) + b"sensor_gnss_relative")
+    for k in range(3):
+        values = (0.1, -1.5, 0.02, 0.01, 0.01, 0.02)
+        out += message(b"D", struct.pack("<HQ6f3?", 9, 1_000_000 * k, *values, True, k != 1, True))
+    (tmp_path / "log.ulg").write_bytes(content[:head] + fields + content[head:] + out)
+    whole, flight = imported(tmp_path, "ulog", tmp_path / "log.ulg")
+    (baseline,) = flight.baselines
+    assert baseline.antennas == ("gps2", "gps1")
+    np.testing.assert_allclose(baseline.t_s, [-1, 1], atol=1e-6)
+    np.testing.assert_allclose(baseline.vector_n_m, [[0.1, -1.5, 0.02]] * 2, rtol=1e-6)
+    lost = {loss.what: loss.count for loss in whole.flight.losses}
+    assert lost["baseline"] == 1
+
+
 def test_a_log_that_ends_in_the_middle_is_read_up_to_there(file, tmp_path):
     content = file.read_bytes()
     file.write_bytes(content[:-20])
     _, flight = imported(tmp_path, "ulog", file)
-    assert len(flight.fixes.t_s) == 2
+    assert len(flight.fixes[0].t_s) == 2
 
 
 def test_without_a_receiver_the_unit_keeps_its_own_clock(file, tmp_path):
     file.write_bytes(file.read_bytes().replace(b"_gps", b"_gpz"))
     whole, flight = imported(tmp_path, "ulog", file)
-    assert (len(flight.imu.t_s), flight.fixes) == (200, None)
+    assert (len(flight.imu.t_s), flight.fixes) == (200, ())
     assert "imu.clock_offset_s" in whole.missing
 
 

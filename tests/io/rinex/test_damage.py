@@ -8,9 +8,9 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
+from fgnav.io.rinex.observations import to_observations
 from fgnav.io.rinex.reader import read_navigation, read_rinex
-from fgnav.io.rinex.scan import scan_observations
-from fgnav.io.signal_choice import choose_signals
+from fgnav.io.rinex.signals import choose_signals
 from tests.io.rinex_texts import (
     epoch_3,
     head_3,
@@ -30,16 +30,14 @@ BODY = GOOD.index("\n>") + 1
 def scan(text):
     content = np.frombuffer(text.encode("latin-1"), np.uint8)
     header = read_header(Path("a.rnx"), content, "observations")
-    return scan_observations(header, content, choose_signals([header])[0])
+    return to_observations(header, content, choose_signals([header])[0], START_GPS_S)
 
 
 def same(a, b) -> bool:
-    """Tell whether two scans hold the same epochs, satellites and values."""
-    return (
-        np.array_equal(a.ticks, b.ticks)
-        and np.array_equal(a.records, b.records)
-        and np.array_equal(a.values, b.values)
-        and np.array_equal(a.signals, b.signals)
+    """Tell whether two readings hold the same epochs, satellites and values."""
+    return (a.satellites, a.signals) == (b.satellites, b.signals) and all(
+        np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True)
+        for name in ("t_s", "code_m", "phase_cycles", "doppler_hz")
     )
 
 
@@ -106,11 +104,12 @@ def test_foreign_character_anywhere_in_the_body_is_noticed_or_read_as_it_stands(
         found = outcome(damaged, original)
         if found in ("silent", "loss"):
             got = scan(damaged)
-            if any(one.reason.startswith(("cut at", "announces")) for one in got.losses):
+            if any(one.what == "a.rnx epoch" for one in got.losses):
                 continue
             rows = [row for key, row in values_3(damaged).items() if key[1][0] == "G"]
-            assert (got.values[got.records[:, 1] == ord("G")] != 0).sum() == sum(
-                np.isfinite(r[:4]).sum() for r in rows
+            mine = [satellite[0] == "G" for satellite in got.satellites]
+            assert (
+                np.isfinite(got.code_m[..., mine]).sum() == np.isfinite([r[0] for r in rows]).sum()
             )
 
 
@@ -130,6 +129,8 @@ def test_flipped_digit_is_an_error_or_read_as_it_stands(tmp_path):
             continue
         read += 1
         channels = list(zip(got.satellites, got.signals, strict=True))
+        if any(one.what == "a.rnx epoch" for one in got.losses):
+            continue
         for (epoch, *channel), row in values_3(damaged).items():
             if tuple(channel) in channels:
                 m = channels.index(tuple(channel))
@@ -147,7 +148,12 @@ def test_cut_or_thinned_navigation_file_is_noticed(tmp_path):
     whole = len(navigation_head() + message("G05"))  # a file of one message, and a right one
     damages = [text[:cut] for cut in generator.sample(range(len(text)), 25) if cut != whole]
     damages += ["".join(lines[:k] + lines[k + 1 :]) for k in range(len(lines))]
+    path.write_text(text)
+    original = read_navigation([path], START_GPS_S)
     for damaged in damages:
         path.write_text(damaged)
-        with pytest.raises(BadInputError, match=r"n.rnx: "):
-            read_navigation([path], START_GPS_S)
+        try:
+            got = read_navigation([path], START_GPS_S)
+        except BadInputError:
+            continue
+        assert got.losses or np.array_equal(got.records, original.records)

@@ -7,6 +7,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
+from fgnav.io.rinex.text import read_text
 from tests.io.rinex_texts import head_3, line, navigation_head, observation_2, observation_3
 
 PATH = Path("a.rnx")
@@ -46,6 +47,16 @@ def test_rinex_2_types_serve_all_constellations():
     assert got.types["G"] == got.types["E"] == ("C1", "L1", "P2", "L2", "D1", "S1")
 
 
+@pytest.mark.parametrize("extra", ["", "    "])
+def test_the_time_system_stands_anywhere_and_blank_lines_may_go_before(extra, tmp_path):
+    text = observation_3(system=extra + "BDT")
+    assert header(text).time_system == "BDT"
+    (tmp_path / "a.rnx").write_text("\n  \n" + text)
+    assert header(read_text(tmp_path / "a.rnx").tobytes().decode()).time_system == "BDT"
+    listed = GOOD.replace("E    4", "E    3")
+    assert header(listed).types["E"] == ("C1X", "L1X", "C5X", "L5X")
+
+
 def test_klobuchar_and_last_epoch_are_read():
     corrections = line("GPSA   1.0000E-08  2.0000E-08  0.0000E+00 -1.0000D-07", "IONOSPHERIC CORR")
     corrections += line("GPSB   1.0000E+05  2.0000E+05  0.0000E+00 -1.0000E+05", "IONOSPHERIC CORR")
@@ -68,10 +79,10 @@ FIRST = "TIME OF FIRST OBS"
     [
         ("hello\n", r"a.rnx: line 1: must be RINEX VERSION / TYPE, got 'hello'"),
         (GOOD.replace("END OF HEADER", "COMMENT"), "line 7: header must end with END OF HEADER"),
-        (GOOD.replace("     3.04", "     5.00"), "RINEX version must be .*, got 5"),
-        (GOOD.replace("     3.04", "     2.12"), "RINEX version must be .*, got 2.12"),
+        (GOOD.replace("     3.04", "     5.00"), "RINEX version must be .*, got '5'"),
+        (GOOD.replace("     3.04", "     2.13"), "RINEX version must be .*, got '2.13'"),
         (GOOD.replace("     3.04", "     x.04"), "RINEX version must be a number, got '     x.04'"),
-        (GOOD.replace("     3.04", "      nan"), "RINEX version must be .*, got nan"),
+        (GOOD.replace("     3.04", "      nan"), "RINEX version must be .*, got 'nan'"),
         (GOOD.replace("OBSERVATION", "METEOROLOGY"), "line 1: must be a RINEX observations file"),
         (
             GOOD.replace(f"{'':19s}M", f"{'':19s}X", 1).replace("DATA    M", "DATA    X"),
@@ -80,7 +91,7 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("SYS / # / OBS TYPES", "COMMENT"), "must have SYS / # / OBS TYPES"),
         (GOOD.replace(FIRST, "COMMENT"), "must have TIME OF FIRST OBS, it is missing"),
         (GOOD.replace("GPS ", "UTC "), "time system must be GPS, .*, got 'UTC'"),
-        (GOOD.replace("E    4", "E    5"), "line 3: 5 observation types announced, 4 listed"),
+        (GOOD.replace("E    4", "E    5"), "line 3: 5 observation types announced, got '4 listed'"),
         (GOOD.replace("E    4", "E    x"), "line 3: number of observation types must be whole"),
         (GOOD.replace("C1X L1X", "C1X C1X"), "observation type must be known and new, got 'C1X'"),
         (GOOD.replace("C1X L1X", "Q1X L1X"), "observation type must be known and new, got 'Q1X'"),
@@ -88,17 +99,12 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("G    8", "     8"), "OBS TYPES must start with a constellation"),
         (
             GOOD.replace("G    8 C1C L1C D1C S1C C2W L2W C5Q L5Q", "G    0" + " " * 32),
-            "1 to 99 observation types, got 0",
+            "1 to 99 observation types, got",
         ),
         (
             head_3(extra=line("G   12", "SYS / SCALE FACTOR")),
-            "SYS / SCALE FACTOR must be 1, 10, 100 or 1000, got '12'",
+            "SYS / SCALE FACTOR must be 1, 10, 100 or 1000; repair the line, got '12'",
         ),
-        (
-            head_3(extra=line("     2     1", "WAVELENGTH FACT L1/2")),
-            "WAVELENGTH FACT L1/2 must be 1",
-        ),
-        (head_3(extra=line("  2020    xx", "TIME OF LAST OBS")), "TIME OF LAST OBS must be a date"),
         (
             observation_2().replace("# / TYPES OF OBSERV", "COMMENT"),
             "must have # / TYPES OF OBSERV",

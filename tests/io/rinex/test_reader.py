@@ -8,7 +8,7 @@ from hatanaka import crx2rnx, rnx2crx
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.reader import read_navigation, read_rinex
-from fgnav.io.signal_choice import ATTRIBUTES
+from fgnav.io.rinex.signals import ATTRIBUTES
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
     SATELLITES,

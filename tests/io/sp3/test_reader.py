@@ -75,52 +75,67 @@ def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
     assert [(loss.what, loss.count) for loss in got.losses] == [("2.sp3 epoch", 1)]
 
 
+@pytest.mark.parametrize("letter", "ab")
+def test_sp3_a_names_gps_by_numbers(tmp_path, letter):
+    write_precise(
+        tmp_path / "g.sp3", orbits(satellites=("G05", "G07", "G12")), start_gps_s=START_GPS_S
+    )
+    text = (tmp_path / "g.sp3").read_text().replace("cc GPS", "cc ccc").replace("#d", f"#{letter}")
+    got = read(tmp_path, text.replace("G0", "  ").replace("G12", " 12"))
+    assert got.satellites == ("G05", "G07", "G12")
+    np.testing.assert_allclose(got.p_e_m[0], orbits().p_e_m[0], atol=0.6 * MM)
+
+
+def test_low_satellites_and_utc_are_told(tmp_path, text):
+    got = read(tmp_path, text.replace("C11", "L11").replace("cc GPS", "cc UTC"))
+    assert [(one.what, one.count) for one in got.losses] == [("low satellites' orbit", 3)]
+    np.testing.assert_allclose(got.t_s, [18, 318, 618], atol=1e-6)
+
+
+RECORD = "a.sp3 record: no four numbers with six decimals, or no satellite of the header, or twice"
+EPOCH = "a.sp3 epoch: no date, or not later than all before"
+MORE = "a.sp3 epoch: the header announces more: the file may be cut"
+FEWER = "a.sp3 record: an epoch has fewer than the header has satellites"
+EOF = "a.sp3 EOF: is missing: the file may be cut"
+
+
+@pytest.mark.parametrize(
+    ("damage", "epochs", "lost"),
+    [
+        (lambda t: t.replace("EOF\n", ""), 3, {EOF: 1}),
+        (lambda t: t[: t.index("EOF") - 20], 3, {EOF: 1, RECORD: 1}),
+        (lambda t: t[: t.rindex("*")], 2, {EOF: 1, MORE: 1}),
+        (lambda t: t.replace("      3 ORBIT", "      4 ORBIT"), 3, {MORE: 1}),
+        (lambda t: t.replace("*  2020", "*  20x0", 1), 2, {EPOCH: 1}),
+        (lambda t: t.replace("0 10  0.0", "0  0  0.0"), 2, {EPOCH: 1}),
+        (lambda t: t.replace("0 10  0.0", "0 70  0.0"), 2, {EPOCH: 1}),
+        (lambda t: t.replace("PE07", "PE08", 1), 3, {RECORD: 1}),
+        (lambda t: t.replace("PE07", "PC11", 1), 3, {RECORD: 1}),
+        (lambda t: t.replace("999999.999999", "999999.99x999", 1), 3, {RECORD: 1}),
+        (lambda t: t.replace(" 999999.999999", "999999.9999990", 1), 3, {RECORD: 1}),
+        (lambda t: t.replace("999999.999999", "          nan", 1), 3, {RECORD: 1}),
+        (lambda t: t.replace(t[t.index("PE07") : t.index("PG05")], "", 1), 3, {FEWER: 1}),
+        (lambda t: t + "\x1a", 3, {}),
+    ],
+)
+def test_what_is_not_whole_is_counted(tmp_path, text, damage, epochs, lost):
+    got = read(tmp_path, damage(text))
+    assert len(got.t_s) == epochs
+    assert {f"{one.what}: {one.reason}": one.count for one in got.losses} == lost
+
+
 @pytest.mark.parametrize(
     ("damage", "rule"),
     [
-        (lambda t: "#b" + t[2:], r"line 1: must start with #c or #d \(SP3\), got '#bP2020"),
-        (lambda t: t.replace("EOF\n", ""), "must end with EOF, the file is truncated"),
-        (lambda t: t[: t.index("EOF") - 20], "must end with EOF, the file is truncated"),
-        (
-            lambda t: t.replace("      3 ORBIT", "      4 ORBIT"),
-            "4 epochs announced, the file holds 3",
-        ),
+        (lambda t: "#e" + t[2:], r"line 1: must start with #a to #d, got '#eP2020"),
         (lambda t: t.replace("      3 ORBIT", "      x ORBIT"), "must tell the numbers of epochs"),
         (lambda t: t.replace("C11E07", "C11C11", 1), "list each satellite once, got '3 with repet"),
         (lambda t: t.replace("C11E07", "C11X07", 1), "list each satellite once, got 'X07'"),
-        (lambda t: t.replace("cc GPS", "cc UTC"), "time system must be one of GPS.*, got 'UTC'"),
-        (lambda t: t.replace("*  2020", "*  20x0"), "line 15: must be an epoch"),
-        (lambda t: t.replace("0 10  0.0", "0  0  0.0"), "line 23: time must increase"),
-        (lambda t: t.replace("0 10  0.0", "0 70  0.0"), "line 23: time must increase"),
-        (
-            lambda t: t.replace("PE07", "PE08"),
-            "line 17: must be a satellite of the header.*got 'E08'",
-        ),
-        (lambda t: t.replace("PE07", "PC11"), "line 17: must be a satellite of the header, once"),
-        (
-            lambda t: "".join(x for k, x in enumerate(t.splitlines(True)) if k != 20),
-            "line 19: the epoch must hold 3 satellites, got 2",
-        ),
-        (
-            lambda t: t.replace("999999.999999", "999999.99x999", 1),
-            "line 18: must hold four numbers",
-        ),
-        (
-            lambda t: t.replace(" 999999.999999", "999999.9999990", 1),
-            "line 18: must hold four numbers",
-        ),
-        (
-            lambda t: t.replace("999999.999999", "          nan", 1),
-            "line 18: must hold four numbers",
-        ),
-        (
-            lambda t: t.replace("999999.999999", "999999.99\xe9999", 1),
-            "line 18: must hold four numbers",
-        ),
+        (lambda t: t.replace("cc GPS", "cc XYZ"), "time system must be one of GPS.*, got 'XYZ'"),
+        (lambda t: t[: t.index("\n*") + 1], "must hold a position of a satellite, has none"),
     ],
 )
-def test_faults_are_named(tmp_path, text, damage, rule):
-    assert damage(text) != text
+def test_faults_of_a_header_are_named(tmp_path, text, damage, rule):
     with pytest.raises(BadInputError, match=rule):
         read(tmp_path, damage(text))
 

@@ -11,51 +11,51 @@ _KNOT, _FOOT = 3600 / 1852, 1 / 0.3048
 
 
 def _fixes(flight, text, **changes):
-    return replace(flight, fixes=replace(flight.fixes, **changes)), f"fixes: {text}"
+    return replace(flight, fixes=(replace(flight.fixes[0], **changes),)), f"fixes: {text}"
 
 
 def _places_jump(flight, rng):
     size_m = 10 ** rng.uniform(0.5, 2.0)
-    inside, when = span(flight.fixes.t_s, rng)
+    inside, when = span(flight.fixes[0].t_s, rng)
     axis = rng.normal(size=3)
     off_m = size_m * axis / np.linalg.norm(axis)
-    p_n_m = flight.fixes.p_n_m + inside[:, None] * off_m
+    p_n_m = flight.fixes[0].p_n_m + inside[:, None] * off_m
     return _fixes(flight, f"places off by {size_m:.0f} m {when}", p_n_m=p_n_m)
 
 
 def _places_drift(flight, rng):
     speed_mps, from_s = 10 ** rng.uniform(-0.5, 1.0), rng.uniform(0.0, DURATION_S / 2)
     axis = rng.normal(size=3)
-    since_s = (flight.fixes.t_s - from_s).clip(0.0)[:, None]
-    p_n_m = flight.fixes.p_n_m + since_s * speed_mps * axis / np.linalg.norm(axis)
+    since_s = (flight.fixes[0].t_s - from_s).clip(0.0)[:, None]
+    p_n_m = flight.fixes[0].p_n_m + since_s * speed_mps * axis / np.linalg.norm(axis)
     text = f"places drift by {speed_mps:.1f} m/s from {from_s:.1f} s"
     return _fixes(flight, text, p_n_m=p_n_m)
 
 
 def _velocities_scaled(flight, rng):
     by = choice(rng, (_KNOT, 1 / _KNOT, 3.6, _FOOT, 0.9, 1.1, -1.0, 0.0))
-    inside, when = span(flight.fixes.t_s, rng)
-    v_n_mps = np.where(inside[:, None], by * flight.fixes.v_n_mps, flight.fixes.v_n_mps)
+    inside, when = span(flight.fixes[0].t_s, rng)
+    v_n_mps = np.where(inside[:, None], by * flight.fixes[0].v_n_mps, flight.fixes[0].v_n_mps)
     return _fixes(flight, f"velocities x {by:.3g} {when}", v_n_mps=v_n_mps)
 
 
 def _velocities_up(flight, _rng):
-    return _fixes(flight, "vertical velocity up", v_n_mps=flight.fixes.v_n_mps * [1, 1, -1])
+    return _fixes(flight, "vertical velocity up", v_n_mps=flight.fixes[0].v_n_mps * [1, 1, -1])
 
 
 def _velocities_east_north(flight, _rng):
-    v_n_mps = flight.fixes.v_n_mps[:, [1, 0, 2]] * [1, 1, -1]
+    v_n_mps = flight.fixes[0].v_n_mps[:, [1, 0, 2]] * [1, 1, -1]
     return _fixes(flight, "velocities east, north, up", v_n_mps=v_n_mps)
 
 
 def _velocities_old(flight, rng):
     rows = int(rng.integers(1, 6))
-    k = (np.arange(len(flight.fixes.t_s)) - rows).clip(0)
-    return _fixes(flight, f"velocities {rows} rows old", v_n_mps=flight.fixes.v_n_mps[k])
+    k = (np.arange(len(flight.fixes[0].t_s)) - rows).clip(0)
+    return _fixes(flight, f"velocities {rows} rows old", v_n_mps=flight.fixes[0].v_n_mps[k])
 
 
 def _fixes_frozen(flight, rng):
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     inside, when = span(fixes.t_s, rng)
     first = np.argmax(inside)
     p_n_m, v_n_mps = fixes.p_n_m.copy(), fixes.v_n_mps.copy()
@@ -65,8 +65,8 @@ def _fixes_frozen(flight, rng):
 
 def _fixes_loud(flight, rng):
     by = 10 ** rng.uniform(0.3, 2.0)
-    inside, when = span(flight.fixes.t_s, rng)
-    fixes, loud = flight.fixes, inside[:, None] * by
+    inside, when = span(flight.fixes[0].t_s, rng)
+    fixes, loud = flight.fixes[0], inside[:, None] * by
     p_n_m = fixes.p_n_m + loud * fixes.position_sigma_m * rng.normal(size=fixes.p_n_m.shape)
     v_n_mps = fixes.v_n_mps + loud * fixes.velocity_sigma_mps * rng.normal(size=fixes.p_n_m.shape)
     return _fixes(flight, f"noise x {by:.2g} {when}", p_n_m=p_n_m, v_n_mps=v_n_mps)
@@ -74,14 +74,14 @@ def _fixes_loud(flight, rng):
 
 def _fixes_outlying(flight, rng):
     share, size_m = rng.uniform(0.01, 0.15), 10 ** rng.uniform(1.0, 3.0)
-    at = rng.random(len(flight.fixes.t_s)) < share
-    p_n_m = flight.fixes.p_n_m + at[:, None] * size_m * rng.normal(size=(len(at), 3))
+    at = rng.random(len(flight.fixes[0].t_s)) < share
+    p_n_m = flight.fixes[0].p_n_m + at[:, None] * size_m * rng.normal(size=(len(at), 3))
     return _fixes(flight, f"share {share:.2g} off by {size_m:.0f} m", p_n_m=p_n_m)
 
 
 def _fixes_jittering(flight, rng):
     """Jitter alone: estimates are in the time of the fixes, which no other says to be off."""
-    t_s, text = jittering(flight.fixes.t_s, rng)
+    t_s, text = jittering(flight.fixes[0].t_s, rng)
     return _fixes(flight, text, t_s=t_s)
 
 

@@ -82,8 +82,8 @@ def test_nothing_acts_on_a_body_without_air():
 def test_a_flight_of_each_kind_has_sensors_and_truth(phase):
     flight = gravity_flight(GravityWorld(), phase, rng=np.random.default_rng(3))
     assert flight.name == phase
-    assert_allclose(flight.fixes.t_s, flight.truth.t_s)
-    assert 0.01 <= flight.fixes.velocity_sigma_mps[0, 0] <= 0.1
+    assert_allclose(flight.fixes[0].t_s, flight.truth.t_s)
+    assert 0.01 <= flight.fixes[0].velocity_sigma_mps[0, 0] <= 0.1
     assert np.abs(flight.imu.position_b_m).max() <= 0.5
 
 

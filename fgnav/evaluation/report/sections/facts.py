@@ -11,9 +11,9 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
-from fgnav.evaluation.report.table import heads, remarks, score_row
+from fgnav.evaluation.report.table import WHAT, remarks, score_table
 from fgnav.evaluation.scores import EULER, Angles
-from fgnav.types.flight import SENSORS, Flight
+from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
@@ -25,17 +25,10 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 
 def method_table(comparison: Comparison) -> Blocks:
-    """Return the table of the methods, and below it the bound or the differences."""
-    columns = [
-        "method",
-        *(
-            f"{name} {unit}" if "(" in unit else f"{name}, {unit}"
-            for name, unit in heads(comparison)
-        ),
-    ]
-    rows = [[m.name, *score_row(m.score)] for m in comparison.methods]
-    judge = comparison.judged_by
-    what = "no truth to judge by" if judge is None else f"RMS errors against {judge}"
+    """Return the table of the methods and their differences, and below it the bounds."""
+    heads, rows = score_table(comparison)
+    apart = "; below, RMS differences of methods" if comparison.differences else ""
+    columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
     bounds = [
         (f"Cramér-Rao bound of {what}", _angles(own))
         for what, own in (
@@ -44,7 +37,7 @@ def method_table(comparison: Comparison) -> Blocks:
         )
     ]
     return (
-        table(columns, rows, f"{what}, {comparison.epochs} epochs")
+        table(columns, rows, f"{WHAT[comparison.judged_by]}{apart}, {comparison.epochs} epochs")
         + [
             block
             for what, own in bounds
@@ -52,7 +45,6 @@ def method_table(comparison: Comparison) -> Blocks:
             for block in paragraph(f"{what}: {', '.join(own)}.")
         ]
         + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
-        + _differences(comparison)
         + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
     )
 
@@ -64,29 +56,6 @@ def _angles(bound: Angles) -> list[str]:
         for angle in EULER
         if (value := getattr(bound, angle)) is not None
     ]
-
-
-def _differences(comparison: Comparison) -> Blocks:
-    rows = [
-        [
-            " − ".join(one.methods),
-            *(number(getattr(one.rms_deg, angle)) for angle in ("roll", "pitch", "yaw")),
-            number(one.attitude_rms_deg),
-            number(one.position_rms_m),
-            number(one.velocity_rms_mps),
-        ]
-        for one in comparison.differences
-    ]
-    heads = [
-        "methods",
-        "roll, deg",
-        "pitch, deg",
-        "yaw, deg",
-        "angle, deg",
-        "position, m",
-        "velocity, m/s",
-    ]
-    return table(heads, rows, "RMS differences of methods on epochs that both have")
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
@@ -165,11 +134,9 @@ def set_up(flight: Flight) -> Blocks:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
         rows.append(["observations", _series(of.t_s), ", ".join(channels)])
-    for name in (*SENSORS, "truth"):
-        record = getattr(flight, name)
-        if record is not None:
-            rows.append([name, _series(record.t_s), ""])
-            rows += _fields_of(name, record)
+    for name, record in flight.records.items():
+        rows.append([name, _series(record.t_s), ""])
+        rows += _fields_of(name, record)
     if flight.base is not None:
         rows.append(["base", f"{flight.base.position_e_m.tolist()} m, ECEF", ""])
     return table(["what", "as read", "remark"], rows)

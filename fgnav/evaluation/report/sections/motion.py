@@ -1,13 +1,14 @@
-"""The flight itself: attitude, velocity, height and ground track, beside the truth if known."""
+"""The flight itself: attitude, velocity, height and ground track, beside fixes and the truth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from fgnav.attitude.baseline_angles import azimuth_elevation, reported_baselines
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.blocks import Blocks, grid
+from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
 from fgnav.evaluation.report.drawing.chart import (
     BINS,
     HEIGHT,
@@ -30,18 +31,21 @@ _TRACK = 2000  # points of a ground track
 _WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots
 _THICK, _THIN = 4.5, 1.6  # lines of methods, below the truth's
 _SIGMAS = 3.0
+_FIXES = "refused"  # grey
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _States:
-    """What is drawn of a method or of the truth; None where there is none."""
+    """What is drawn of a method, of fixes or of the truth; None where there is none."""
 
     mark: str
     name: str
     t_s: FloatArray
+    R_nb: FloatArray
     euler_deg: FloatArray
     v_n_mps: FloatArray | None
     p_n_m: FloatArray | None
+    dots: bool = False
 
 
 def motion_charts(
@@ -51,7 +55,14 @@ def motion_charts(
     states = list(_states(flight, methods, marks))
     if not states:
         return []
-    charts = [_angle(states, k, name, time).drawing() for k, name in enumerate(EULER)]
+    of_angles = {
+        name: [(one, one.euler_deg[:, k]) for one in states] for k, name in enumerate(EULER)
+    }
+    for name, unit_b in reported_baselines(flight).items():
+        angles = [(one, np.degrees(azimuth_elevation(one.R_nb @ unit_b))) for one in states]
+        for k, angle in enumerate(("azimuth", "elevation")):
+            of_angles[f"{angle}, {name}"] = [(one, values[:, k]) for one, values in angles]
+    charts = [_angle(of, name, time).drawing() for name, of in of_angles.items()]
     for k, name in enumerate(("north", "east", "down")):
         of = [(s, s.v_n_mps[:, k]) for s in states if s.v_n_mps is not None]
         charts += _series(f"velocity {name}", "m/s", of, time)
@@ -59,7 +70,8 @@ def motion_charts(
     of = [(s, height_m - s.p_n_m[:, 2]) for s in states if s.p_n_m is not None]
     charts += _series("height above the ellipsoid", "m", of, time)
     charts += _track(states)
-    return grid(charts)
+    note = "Grey dots: fixes of receivers, at their antennas."
+    return (paragraph(note) if flight.fixes else []) + grid(charts)
 
 
 def rate_and_bias_charts(
@@ -131,7 +143,18 @@ def _true_rate(truth: Truth | None) -> tuple[FloatArray, FloatArray] | None:
 
 
 def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) -> Iterator[_States]:
-    """Yield the methods' states, then the truth's, which is drawn over them."""
+    """Yield fixes, the methods' states, then the truth's, which is drawn over them."""
+    for fixes in flight.fixes:
+        yield _States(
+            mark=_FIXES,
+            name=f"fixes of {fixes.antenna}",
+            t_s=fixes.t_s,
+            R_nb=np.full((len(fixes.t_s), 3, 3), np.nan),
+            euler_deg=np.full((len(fixes.t_s), 3), np.nan),
+            v_n_mps=fixes.v_n_mps,
+            p_n_m=fixes.p_n_m,
+            dots=True,
+        )
     for method in methods:
         estimate = method.estimate
         if estimate is None or not len(estimate.t_s):
@@ -143,6 +166,7 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
             mark=marks[method.name],
             name=method.name,
             t_s=estimate.t_s,
+            R_nb=estimate.R_nb,
             euler_deg=euler_deg,
             v_n_mps=None if "velocity" in open_ else estimate.v_n_mps,
             p_n_m=None if "position" in open_ else estimate.p_n_m,
@@ -153,6 +177,7 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
             mark=TRUTH,
             name="truth",
             t_s=truth.t_s,
+            R_nb=truth.R_nb,
             euler_deg=np.degrees(to_euler(truth.R_nb)),
             v_n_mps=truth.v_n_mps,
             p_n_m=truth.p_n_m,
@@ -161,9 +186,12 @@ def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) ->
 
 def _behind(of: list[tuple[_States, FloatArray]]) -> list[tuple[_States, FloatArray, float]]:
     """Return series in the order of drawing with their widths: the roughest first, truth last."""
-    ordered = sorted(of, key=lambda one: (one[0].mark == TRUTH, -_roughness(one[1])))
-    methods = sum(one.mark != TRUTH for one, _ in ordered)
-    widths = [*nested(methods, _THICK, _THIN).tolist(), 1.0]
+    ordered = sorted(
+        of, key=lambda one: (one[0].mark == TRUTH, not one[0].dots, -_roughness(one[1]))
+    )
+    dots = sum(one.dots for one, _ in ordered)
+    methods = sum(one.mark != TRUTH for one, _ in ordered) - dots
+    widths = [*[1.0] * dots, *nested(methods, _THICK, _THIN).tolist(), 1.0]
     return [(one, y, width) for (one, y), width in zip(ordered, widths, strict=False)]
 
 
@@ -174,9 +202,8 @@ def _roughness(y: FloatArray) -> float:
     return float(np.median(finite)) if len(finite) else 0.0
 
 
-def _angle(states: list[_States], k: int, name: str, time: Axis) -> Chart:
+def _angle(of: list[tuple[_States, FloatArray]], name: str, time: Axis) -> Chart:
     lines = []
-    of = [(one, one.euler_deg[:, k]) for one in states]
     shown = [(one, y) for one, y in of if np.isfinite(y).any()]
     for one, angle_deg, width in _behind(shown):
         continuous_deg = unjumped_deg(angle_deg)
@@ -194,7 +221,8 @@ def _series(
 ) -> list[Drawing]:
     shown = [(s, y) for s, y in of if np.isfinite(y).any()]
     lines = [
-        Line(mark=s.mark, name=s.name, x=s.t_s, y=y, width=width) for s, y, width in _behind(shown)
+        Line(mark=s.mark, name=s.name, x=s.t_s, y=y, dots=s.dots, width=width)
+        for s, y, width in _behind(shown)
     ]
     if not lines:
         return []
@@ -213,8 +241,10 @@ def _track(states: list[_States]) -> list[Drawing]:
     for one, _, width in _behind(shown):
         if one.p_n_m is not None:
             north, east = one.p_n_m[every(len(one.p_n_m), _TRACK), :2].T
-            mark, name = one.mark, one.name
-            lines.append(Line(mark=mark, name=name, x=east, y=north, as_is=True, width=width))
+            mark, name, dots = one.mark, one.name, one.dots
+            lines.append(
+                Line(mark=mark, name=name, x=east, y=north, dots=dots, as_is=True, width=width)
+            )
     if not lines:
         return []
     height = 1.6 * HEIGHT

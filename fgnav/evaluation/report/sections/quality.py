@@ -41,8 +41,7 @@ def _measured(flight: Flight) -> FloatArray:
     if flight.observations is not None:
         of = flight.observations
         times.append(of.t_s[np.isfinite(of.code_m).any(axis=(1, 2))])
-    if flight.fixes is not None:
-        times.append(flight.fixes.t_s)
+    times += [one.t_s for one in flight.fixes]
     return np.unique(np.concatenate([np.zeros(0), *times]))
 
 

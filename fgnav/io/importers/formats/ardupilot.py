@@ -1,6 +1,7 @@
 """DataFlash logs of ArduPilot, ``.BIN`` [1]_, by pymavlink: the first instrument of each kind.
 
-Axes are forward, right, down. Heights are above the ellipsoid where the log has the undulation
+Logs of 2014, which count milliseconds in ``TimeMS``, are read alike. Axes are forward, right, down.
+Heights are above the ellipsoid where the log has the undulation
 (``GPA.Und``), else above the sea, which shifts the whole flight alike. Messages that are not read
 are counted by their type.
 
@@ -28,7 +29,7 @@ _UT_PER_MILLIGAUSS = 0.1
 _FIX_3D = 3  # GPS.Status
 _HEAD_BYTES = 3  # before a message's fields
 _NEEDED = {
-    "GPS": ("TimeUS", "Status", "GMS", "GWk", "Lat", "Lng", "Alt", "Spd", "GCrs", "VZ"),
+    "GPS": ("TimeUS", "Status", "GMS", "GWk", "Lat", "Lng", "Alt"),
     "IMU": ("TimeUS", *(f"{kind}{axis}" for kind in ("Gyr", "Acc") for axis in "XYZ")),
     "GPA": ("TimeUS", "HAcc", "VAcc", "SAcc"),
     "BARO": ("TimeUS", "Alt"),
@@ -106,11 +107,10 @@ def _messages(path: Path) -> tuple[dict[str, dict[str, FloatArray]], list[tuple[
 
 def _fields(path: Path, layout: Any, content: Any, places: list[int]) -> dict[str, FloatArray]:  # noqa: ANN401
     """Return the fields of a type's first instance; under "", which messages are of it."""
-    missing = [field for field in _NEEDED[layout.name] if field not in layout.columns]
+    wrong = f"{path}: message {layout.name}: {{}}; the log is another's"
     sound = struct.calcsize(layout.msg_struct) + _HEAD_BYTES == layout.len
-    if missing or not sound or len(layout.columns) != len(layout.msg_mults):
-        wrong = f"field {missing[0]} is missing" if missing else "its FMT is damaged"
-        raise BadInputError(f"{path}: message {layout.name}: {wrong}; the log is another's")
+    if not sound or len(layout.columns) != len(layout.msg_mults):
+        raise BadInputError(wrong.format("its FMT is damaged"))
     unpack = struct.Struct(layout.msg_struct).unpack_from
     rows = zip(*(unpack(content, at + _HEAD_BYTES) for at in places), strict=True)
     columns = {
@@ -118,6 +118,15 @@ def _fields(path: Path, layout: Any, content: Any, places: list[int]) -> dict[st
         for field, values, scale in zip(layout.columns, rows, layout.msg_mults, strict=True)
         if not isinstance(values[0], bytes)
     }
+    if "TimeMS" in columns:  # of GPS the receiver's, beside the log's T
+        time_ms = columns["TimeMS"]
+        if layout.name == "GPS" and {"T", "Week"} <= set(columns):
+            columns |= {"GMS": time_ms, "GWk": columns["Week"]}
+            time_ms = columns["T"]
+        columns["TimeUS"] = 1e3 * time_ms
+    missing = [field for field in _NEEDED[layout.name] if field not in columns]
+    if missing:
+        raise BadInputError(wrong.format(f"field {missing[0]} is missing"))
     instance = columns.get("I", np.zeros(len(places)))
     of_first = instance == instance.min()
     return {field: column[of_first] for field, column in columns.items()} | {"": of_first}
@@ -129,16 +138,18 @@ def _triple(columns: dict[str, FloatArray], name: str) -> FloatArray:
 
 def _fixes(gps: dict[str, FloatArray], accuracy: dict[str, FloatArray]) -> Samples:
     """Return fixes; speed and course are the receiver's velocity, GPA its accuracy."""
-    course_rad = np.radians(gps["GCrs"])
-    north_mps, east_mps = gps["Spd"] * np.cos(course_rad), gps["Spd"] * np.sin(course_rad)
     at = gps["TimeUS"]
     height_m = gps["Alt"]
     fixes = {"t_s": at * _US}
-    fixes |= vectors(col.VELOCITY, np.stack([north_mps, east_mps, gps["VZ"]], axis=1))
+    if {"Spd", "GCrs", "VZ"} <= set(gps):
+        course_rad = np.radians(gps["GCrs"])
+        north_mps, east_mps = gps["Spd"] * np.cos(course_rad), gps["Spd"] * np.sin(course_rad)
+        fixes |= vectors(col.VELOCITY, np.stack([north_mps, east_mps, gps["VZ"]], axis=1))
     if accuracy:
         at_fixes = {n: np.interp(at, accuracy["TimeUS"], x) for n, x in accuracy.items()}
         height_m = height_m + at_fixes.get("Und", 0.0)
         sigma_m = np.stack([at_fixes["HAcc"], at_fixes["HAcc"], at_fixes["VAcc"]], axis=1)
         fixes |= vectors(col.POSITION_SIGMA, sigma_m)
-        fixes |= vectors(col.VELOCITY_SIGMA, np.repeat(at_fixes["SAcc"][:, None], 3, axis=1))
+        if col.VELOCITY[0] in fixes:
+            fixes |= vectors(col.VELOCITY_SIGMA, np.repeat(at_fixes["SAcc"][:, None], 3, axis=1))
     return fixes | vectors(col.PLACE, np.stack([gps["Lat"], gps["Lng"], height_m], axis=1))

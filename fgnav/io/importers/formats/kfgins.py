@@ -45,13 +45,13 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables = {"truth": samples(x[:, 1], (names, x[:, 2:]))}
         start_s = WEEK_S * x[0, 0]
         return Recording(source=path, tables=tables, gps_start_s=start_s, truth_source="filter")
-    if _is_increments(x):
+    if is_increments(x):
         return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
     fixes = samples(x[:, 0], (col.PLACE + col.POSITION_SIGMA, x[:, 1:]))
     return Recording(source=path, tables={"fixes": fixes}, clock="week")
 
 
-def _is_increments(x: FloatArray) -> bool:
+def is_increments(x: FloatArray) -> bool:
     """Tell increments from fixes: a vehicle's specific force is gravity's, in the mean."""
     step_s = float(np.median(np.diff(x[:, 0])))
     force_mps2 = np.median(np.linalg.norm(x[:, 4:], axis=1)) / step_s if step_s > 0 else 0.0

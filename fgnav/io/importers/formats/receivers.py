@@ -1,84 +1,173 @@
-"""GNSS receivers' own formats, turned into RINEX by RTKLIB; RINEX and SP3 as they are."""
+"""Receivers' own files: their solutions, and raw measurements as RINEX by RTKLIB; RINEX and SP3.
 
+Raw measurements are taken where a file has broadcast messages, too, and no baseline, or no
+solution: a solution is of the same signals. ``solution`` of the settings decides otherwise.
+"""
+
+from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.io.flight.toml import gps_seconds
-from fgnav.io.importers.formats.framing import passed_over
-from fgnav.io.importers.recording import Recording
+from fgnav.io.importers.formats import sentences
+from fgnav.io.importers.formats.readers import foreign
+from fgnav.io.importers.formats.solution import TAKEN, Solution, baseline, fixes
+from fgnav.io.importers.formats.streams import messages
+from fgnav.io.importers.recording import Recording, Samples
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
 from fgnav.io.user_files import read_bytes
 
-_ANTENNA = "antenna.position_b_m"
-_PLACE_UNKNOWN = "where the antenna sits in the body is in no file: state it"
+_MISSING = {"antenna.position_b_m": "where the antenna sits in the body is in no file: state it"}
+_OBSERVED = {  # kinds of raw observations
+    "ubx": {0x0210, 0x0215},
+    "sbf": {4027},
+    "novatel": {43, 140},
+    "rtcm3": {*range(1001, 1005), *range(1009, 1013), *range(1071, 1138)},
+}
+_DECODED = {  # and of what else RTKLIB 2.5.0 decodes
+    "ubx": {0x0120, 0x0211, 0x0213, 0x030F, 0x0310},
+    "sbf": {4002, 4004, *range(4017, 4024), 4026, 4030, 4031, 4047, 4066, 4081, 4093, 4095, 5891}
+    | {*range(5893, 5897)},
+    "novatel": {7, 8, 41, 287, 723, 1121, 1122, 1127, 1273, 1330, 1331, 1347, 1696},
+    "rtcm3": {1005, 1006, 1007, 1008, 1013, 1019, 1020, 1033, *range(1041, 1047), 1230},
+}
 
 
-def read_ubx(path: Path, settings: Settings, scratch: Path) -> Recording:
-    """Read u-blox's UBX: RXM-RAWX and RXM-SFRBX."""
-    return _converted(path, "ubx", settings, scratch)
+def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
+    """Read a file of any receiver, of one protocol or of several between each other.
 
-
-def read_sbf(path: Path, settings: Settings, scratch: Path) -> Recording:
-    """Read Septentrio's SBF: MeasEpoch and navigation blocks."""
-    return _converted(path, "sbf", settings, scratch)
-
-
-def read_novatel(path: Path, settings: Settings, scratch: Path) -> Recording:
-    """Read NovAtel's OEM4 to OEM7 binary: RANGE or RANGECMP, and ephemerides."""
-    return _converted(path, "novatel", settings, scratch)
-
-
-def read_rtcm3(path: Path, settings: Settings, scratch: Path) -> Recording:
-    """Read RTCM 3: MSM or legacy observations, and ephemerides; ``start`` tells the week."""
-    return _converted(path, "rtcm3", settings, scratch)
-
-
-def _converted(path: Path, format: str, settings: Settings, scratch: Path) -> Recording:  # noqa: A002
-    """Convert a file in a child process."""
+    Raises
+    ------
+    BadInputError
+        If it has neither a solution nor observations.
+    """
     if not path.is_file():
         raise BadInputError(f"{path}: no such file; check the name")
-    if format == "rtcm3" and settings.start is None:
+    content = read_bytes(path)
+    solution = Solution()
+    others, size = _decoded(path, content, settings, solution)
+    solution.date_all()
+    protocol, observations = _observations(path, others, settings, scratch, solution)
+    kinds = _OBSERVED.get(protocol, set()) | _DECODED.get(protocol, set())
+    for (of, number, name), count in others.items():
+        if of != protocol or number not in kinds:
+            is_raw = number in _OBSERVED.get(of, ())
+            reason = "the receiver's solution is taken; solution = false in --settings takes it"
+            solution.counts[f"{name} message", reason if is_raw else "not read"] += count
+    tables = dict[str, Samples]()
+    start_s = min(map(min, filter(None, (solution.place, solution.times))), default=0.0)
+    if observations:
+        reason = "of the same signals as raw measurements; solution = true in --settings takes it"
+        solution.counts["fix", reason] += len(solution.place)
+        solution.counts["baseline", reason] += len(solution.times)
+    else:
+        tables |= {"fixes": fixes(solution, start_s)} if solution.place else {}
+        tables |= {"baseline": baseline(solution, start_s)} if solution.times else {}
+    if not (tables or observations):
+        (what, reason), *_ = [*solution.counts, ("", "")]
+        raise BadInputError(
+            f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
+            f"raw measurements{f' ({what}: {reason})' if what else ''}; look what the receiver was "
+            "set to put out"
+        )
+    outside = "in no whole message: damaged, or of another format"
+    solution.counts["byte", outside] += len(content) - size
+    return Recording(
+        source=path,
+        tables=tables,
+        clock="week" if tables and solution.date_s is None else "gps",
+        gps_start_s=start_s,
+        baseline_ends_at_fixes=bool(solution.baseline),  # of u-blox alone
+        observations=observations[:1],
+        navigation=observations[1:],
+        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in solution.counts.items()),
+        notes={"fixes": "heights are above the sea: no undulation"} if solution.above_sea else {},
+        missing=_MISSING if observations else {},
+    )
+
+
+def _decoded(
+    path: Path, content: bytes, settings: Settings, solution: Solution
+) -> tuple[Counter[tuple[str, int, str]], int]:
+    """Take the messages of solutions; return the others' kinds, and how long all together are."""
+    others, size = Counter[tuple[str, int, str]](), 0
+    texts = []
+    for one in messages(content):
+        size += len(one.raw)
+        handlers = TAKEN.get((one.protocol, one.number), ())
+        if not handlers and one.name not in sentences.READ:
+            others[one.protocol, one.number, one.name] += 1
+            continue
+        try:
+            with foreign(path, one.name):
+                decoded = one.decoded()
+                for take in handlers:
+                    take(decoded, solution)
+        except BadInputError:  # one message, that its checksum has proved, is no reason to stop
+            solution.counts[f"{one.name} message", "cannot be decoded"] += 1
+        else:
+            texts += [] if handlers else [decoded]
+    if texts:
+        _add_sentences(path, texts, settings, solution)
+    return others, size
+
+
+def _add_sentences(path: Path, texts: list[Any], settings: Settings, solution: Solution) -> None:
+    """Add what sentences state and binary messages do not."""
+    stated = Solution()
+    near_s = min(solution.place, default=None)
+    if settings.start is not None:
+        near_s = gps_seconds(path, settings.start)
+    sentences.take(path, texts, near_s, stated)
+    solution.counts += stated.counts
+    solution.date_s = solution.date_s or stated.date_s
+    solution.above_sea = stated.above_sea and not solution.place
+    for name in ("place", "place_sigma", "heading"):
+        binary, text = getattr(solution, name), getattr(stated, name)
+        if binary:
+            reason = "of a sentence: a message of another protocol has it"
+            solution.counts[name.replace("_", " "), reason] += len(text)
+        setattr(solution, name, binary or text)
+
+
+def _observations(
+    path: Path,
+    kinds: Mapping[tuple[str, int, str], int],
+    settings: Settings,
+    scratch: Path,
+    solution: Solution,
+) -> tuple[str, tuple[Path, ...]]:
+    """Return the protocol of raw measurements and their RINEX files, none where none are taken."""
+    counts = Counter[str]()
+    for (protocol, number, _), count in kinds.items():
+        counts[protocol] += count * (number in _OBSERVED.get(protocol, ()))
+    protocol, count = next(iter(counts.most_common(1)), ("", 0))
+    if not count or (settings.solution and solution.place):
+        return "", ()
+    if protocol == "rtcm3" and settings.start is None:
         raise BadInputError(
             f"{path}: RTCM 3 has no week; state start in --settings, within half a week"
         )
     near_s = "" if settings.start is None else repr(gps_seconds(path, settings.start))
-    observations = Path(mkdtemp(dir=scratch)) / "observations"
-    convert(path, [format, str(path), str(observations), near_s])
-    navigation = observations.with_suffix(".nav")
-    files = [one for one in (observations, navigation) if one.is_file() and one.stat().st_size]
-    if observations not in files:
-        raise BadInputError(
-            f"{path}: RTKLIB finds no observations of format {format} in it; look whether the "
-            "receiver was set to put out raw measurements, or take its fixes by --format nmea"
-        )
-    renamed = [
-        file.rename(file.with_name(f"{path.stem}{end}"))
-        for file, end in zip(files, (".obs", ".nav"), strict=False)
+    place = Path(mkdtemp(dir=scratch)) / f"{path.stem}.obs"
+    convert(path, [protocol, str(path), str(place), near_s])
+    files = [
+        one for one in (place, place.with_suffix(".nav")) if one.is_file() and one.stat().st_size
     ]
-    kinds, outside = passed_over(read_bytes(path), format)
-    reason = f"of {path.name}, in no whole message of {format}: damaged, or of another format"
-    names = {kind: f"{kind:04X}" if format == "ubx" else str(kind) for kind in kinds} | {0: "NMEA"}
-    losses = [
-        Loss(what=f"{names[kind]} message", reason="RTKLIB does not decode it", count=count)
-        for kind, count in sorted(kinds.items())
-    ]
-    return Recording(
-        source=path,
-        observations=tuple(renamed[:1]),
-        navigation=tuple(renamed[1:]),
-        losses=(*losses, Loss(what="byte", reason=reason, count=outside)),
-        missing={_ANTENNA: _PLACE_UNKNOWN},
-    )
+    is_poorer = solution.place and (len(files) == 1 or solution.times) and settings.solution is None
+    return ("", ()) if place not in files or is_poorer else (protocol, tuple(files))
 
 
 def read_rinex_file(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Take a RINEX file as it is: observations of one antenna, or navigation messages."""
     kind = read_text(path)[:60].tobytes()[20:21]
     if kind == b"O":
-        return Recording(source=path, observations=(path,), missing={_ANTENNA: _PLACE_UNKNOWN})
+        return Recording(source=path, observations=(path,), missing=_MISSING)
     if kind in (b"N", b"G", b"E", b"C", b"J"):
         return Recording(source=path, navigation=(path,))
     raise BadInputError(f"{path}: must be RINEX observations or navigation, is of type {kind!r}")

@@ -78,9 +78,12 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
         reason = "the receiver had none (status)"
         losses.append(Loss(what="fix", reason=reason, count=int(no_fix.sum())))
         stated = _has_variances(rows["fixes"])
-        reason = "of its fix; others have none, so none is used"
-        count = 0 if stated.all() else int(stated.sum())
-        losses.append(Loss(what="covariance", reason=reason, count=count))
+        if 2 * stated.sum() > len(stated):
+            count, what, reason = int((~stated).sum()), "fix", "has no covariance, as most have"
+            rows["fixes"] = rows["fixes"][stated]
+        else:
+            count, what, reason = int(stated.sum()), "covariance", "of a fix; most have none"
+        losses.append(Loss(what=what, reason=reason, count=count))
     first_s = min((float(x[0, 0]) for x in rows.values() if len(x)), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
     tables = {kind: _table(kind, x, first_s) for kind, x in rows.items()}

@@ -16,18 +16,26 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
-from fgnav.io.flight.toml import ImuKeys, gps_seconds
+from fgnav.geometry.earth import Origin
+from fgnav.io.flight.columns import BASELINE, PLACE
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording, unused_columns
+from fgnav.io.importers.recording import Clock, Recording, Samples, unused_columns, vectors
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of, max_bytes
+from fgnav.io.user_files import encoding_of, max_bytes, plain_name
 from fgnav.progress import report
 
 _ROWS_AT_ONCE = 50_000
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
 _GRAVITY = ", or gravity is not in it"
+_NOWHERE = Place(latitude_deg=45.0, longitude_deg=0.0, height_m=0.0)  # of middling gravity
+_LOCAL = (
+    "fixes are north, east, down of a place that no file states, and were laid at 45 deg, 0 deg, "
+    "0 m: state [origin] in --settings, within some km"
+)
 _AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
@@ -40,7 +48,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         If none is described, two are of one kind, their clocks differ, or the noise of an
         instrument that is described is not stated.
     """
-    described = [one for one in settings.csv if one.file in (None, path.name)]
+    described = [o for o in settings.csv if o.file is None or plain_name(o.file) == path.name]
     kinds = [one.table for one in described]
     if not described or len(set(kinds)) < len(kinds):
         raise BadInputError(
@@ -51,7 +59,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
     if unstated is not None:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
-    (first, unused), *others = (_read_table(path, one) for one in described)
+    (first, unused), *others = (_read_table(path, one, settings) for one in described)
     tables = dict(first.tables)
     for one, names in others:
         if one.clock != first.clock:
@@ -61,11 +69,24 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
             t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
             tables[kind] = {**rows, "t_s": t_s}
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
+    missing |= {
+        key: text for one in (first, *(o for o, _ in others)) for key, text in one.missing.items()
+    }
     for table in described:
         missing |= _unconfirmed(path, table)
     count = max(len(rows["t_s"]) for rows in tables.values())
     losses = (*first.losses, unused_columns(path, unused, count, "no [[csv]] names them"))
     return replace(first, tables=tables, losses=losses, missing=missing)
+
+
+def _placed(rows: Samples, settings: Settings) -> Samples:
+    """Return fixes north, east, down of an origin with their places."""
+    at = settings.origin or _NOWHERE
+    angles = np.radians([at.latitude_deg, at.longitude_deg]).tolist()
+    origin = Origin(latitude_rad=angles[0], longitude_rad=angles[1], height_m=at.height_m)
+    place = place_of_n(origin, np.stack([rows[name] for name in BASELINE], axis=1))
+    others = {name: column for name, column in rows.items() if name not in BASELINE}
+    return others | vectors(PLACE, place)
 
 
 def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
@@ -93,12 +114,12 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
     return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
 
 
-def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
+def _read_table(path: Path, table: CsvTable, settings: Settings) -> tuple[Recording, list[str]]:
     """Return one table of a text file, and the names of the columns that it does not use."""
     columns, unused, cut = _cells(path, table)
     dates = table.units.get("s") == "date"
     utc = table.clock == "utc"
-    samples = {}
+    samples = dict[str, FloatArray]()
     for name, cells in columns.items():
         if dates and name == "t_s":
             samples[name], zoned = _dates(path, cells, utc=utc)
@@ -119,12 +140,17 @@ def _read_table(path: Path, table: CsvTable) -> tuple[Recording, list[str]]:
         start_s = float(np.floor(usable[0])) if len(usable) else 0.0
         samples["t_s"] = samples["t_s"] - start_s
     losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
+    missing = {}
+    if BASELINE[0] in samples:
+        samples = dict(_placed(samples, settings))
+        missing = {} if settings.origin else {"origin": _LOCAL}
     recording = Recording(
         source=path,
         tables={table.table: samples},
         clock=clock,
         gps_start_s=start_s,
         losses=tuple(losses),
+        missing=missing,
     )
     return recording, unused
 

@@ -29,7 +29,8 @@ _FIX_3D = 3  # fix_type: 2 and less have no height
 _GPS = ("sensor_gps", "vehicle_gps_position")
 _AROUND = ("vehicle_air_data", "vehicle_magnetometer")
 _FILTER = ("vehicle_attitude", "vehicle_global_position", "vehicle_local_position")
-_READ = ("sensor_combined", *_AROUND, *_GPS, *_FILTER)
+_RELATIVE = "sensor_gnss_relative"
+_READ = ("sensor_combined", *_AROUND, *_GPS, *_FILTER, _RELATIVE)
 
 
 def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
@@ -70,13 +71,21 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
             tables["fixes"] = {name: column[flying] for name, column in _fixes(gps).items()}
             lost += [("fix", "has no height (fix_type)", int((~flying).sum()))]
             start_s = _start(gps, flying)
+        if (relative := topics.get(_RELATIVE)) is not None:
+            tables["baseline"], count = _baseline(relative)
+            lost += [("baseline", "is not valid, of a float solution or of a still base", count)]
         if all(name in topics for name in _FILTER):
             tables["truth"] = _reference(topics)
+        else:
+            reason = f"a reference needs {', '.join(_FILTER)}"
+            alone = {name: topics[name] for name in _FILTER if name in topics}
+            lost += [(f"{n} message", reason, len(x["timestamp"])) for n, x in alone.items()]
     return Recording(
         source=path,
         tables={kind: table for kind, table in tables.items() if len(table["t_s"])},
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
+        baseline_ends_at_fixes=True,  # as u-blox's
         losses=tuple(Loss(what=w, reason=why, count=count) for w, why, count in lost),
         truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
@@ -118,6 +127,17 @@ def _fixes(topic: dict[str, Any]) -> Samples:
         (col.POSITION_SIGMA, np.stack([horizontal, horizontal, vertical], axis=1)),
         (col.VELOCITY_SIGMA, sigma_mps),
     )
+
+
+def _baseline(topic: dict[str, Any]) -> tuple[Samples, int]:
+    """Return vectors between antennas that move together, and how many others there are."""
+    flags = ("relative_position_valid", "carrier_solution_fixed", "moving_base_mode")
+    good = np.all([topic[name].astype(bool) for name in flags], axis=0)
+    if topic.get("relative_position_normalized") is not None:
+        good &= ~topic["relative_position_normalized"].astype(bool)
+    vectors, sigmas = _triple(topic, "position[{}]"), _triple(topic, "position_accuracy[{}]")
+    blocks = (col.BASELINE, vectors[good]), (col.POSITION_SIGMA, sigmas[good])
+    return samples(topic["timestamp"][good] * _US, *blocks), int((~good).sum())
 
 
 def _reference(topics: dict[str, dict[str, Any]]) -> Samples:

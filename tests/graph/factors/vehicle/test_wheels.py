@@ -71,12 +71,12 @@ def drive():
         imu=imu,
     )
     flight = simulate(scenario, np.random.default_rng(7))
-    fixes = flight.fixes
+    fixes = flight.fixes[0]
     kept = (fixes.t_s < OUTAGE_S[0]) | (fixes.t_s > OUTAGE_S[1])
     names = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
     fixes = replace(fixes, **{name: getattr(fixes, name)[kept] for name in names})
     # Body axes are 2 degrees off those of the wheels.
-    return replace(flight, fixes=fixes)
+    return replace(flight, fixes=(fixes,))
 
 
 @pytest.mark.parametrize("method", [Smoother(), Forward(), Batch()], ids=lambda m: m.name)

@@ -2,8 +2,11 @@
 
 from pathlib import Path
 
+import pytest
+
+from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import Header
-from fgnav.io.signal_choice import choose_signals, same_signal
+from fgnav.io.rinex.signals import choose_signals, same_signal
 
 
 def header(version=3.04, **types) -> Header:
@@ -17,7 +20,7 @@ def header(version=3.04, **types) -> Header:
         interval_s=None,
         klobuchar=(0.0,) * 8,
         size=0,
-        lines=0,
+        content=(),
     )
 
 
@@ -68,3 +71,15 @@ def test_signals_of_rinex_2_are_all_that_its_codes_may_be():
     assert choice.column("G", "L2") == (1, 1, "2W")
     assert choice.column("E", "L8") == (-1, 1, "8X")
     assert choice.column("E", "P1") == (-1, 0, "1")
+
+
+def test_signals_that_are_wanted_are_kept_under_any_name_and_no_others():
+    headers = [header(G="C1C L1C C2W L2W", E="C1X L1X C6C L6C"), header(E="C6B L6B")]
+    first, second = choose_signals(headers, {"E": ["6C"]})
+    assert first.kept["E"] == (("6C",),)
+    assert second.kept["E"] == (("6B",),)
+    assert first.kept["G"] == ()
+    assert first.column("E", "L6C") == (0, 1, "6C")
+    text = "key gnss.signals: no E signal 8X was observed; there are E 1X, E 6B, E 6C, G 1C, G 2W"
+    with pytest.raises(BadInputError, match=text):
+        choose_signals(headers, {"E": ["8X"]})

@@ -1,0 +1,172 @@
+"""Columns of a baseline between two antennas: a vector, or heading, pitch and length."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
+from fgnav.geometry.earth import Origin
+from fgnav.geometry.interpolation import interpolate
+from fgnav.geometry.rotations import from_euler, transpose
+from fgnav.io.flight.columns import (
+    BASELINE,
+    BASELINE_COVARIANCE,
+    HEADING,
+    HEADING_SIGMA,
+    LENGTH,
+    LENGTH_SIGMA,
+    PITCH,
+    PITCH_SIGMA,
+    POSITION_SIGMA,
+)
+from fgnav.io.flight.local_frame import columns_to_vectors
+from fgnav.io.flight.series import stated_sigma
+from fgnav.io.flight.usual_noise import BASELINE_SIGMA_M
+from fgnav.types.receiver import Baseline, Fixes, Measured
+
+Blocks = list[tuple[tuple[str, ...], FloatArray]]
+_NEEDS = {
+    POSITION_SIGMA: BASELINE,
+    BASELINE_COVARIANCE: POSITION_SIGMA,
+    HEADING_SIGMA: HEADING,
+    PITCH: HEADING,
+    PITCH_SIGMA: PITCH,
+    LENGTH: PITCH,
+    LENGTH_SIGMA: LENGTH,
+}
+_VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geometry
+
+
+def local_axes(origin: Origin, fixes: Sequence[Fixes], t_s: FloatArray) -> FloatArray:
+    """Return the NED axes at a vehicle in ``n``, (k, 3, 3); those of ``n`` without fixes."""
+    if not fixes:
+        return np.tile(np.eye(3), (len(t_s), 1, 1))
+    return origin.local_ned(interpolate(t_s, fixes[0].t_s, fixes[0].p_n_m))
+
+
+def baseline(
+    samples: Mapping[str, FloatArray],
+    antennas: tuple[str, str],
+    R_nl: FloatArray,
+    *,
+    where: Path | str,
+) -> Baseline:
+    """Return a baseline; sigmas that the samples lack are usual figures.
+
+    Parameters
+    ----------
+    samples : mapping of str to ndarray, shape (k,)
+    antennas : tuple of str
+        From the first to the second.
+    R_nl : ndarray, shape (k, 3, 3)
+        The receiver's axes, see ``local_axes``.
+    where : Path or str
+        The file, for error texts.
+
+    Raises
+    ------
+    BadInputError
+        Of columns that do not go together, or are too few.
+    """
+    _check(samples, where)
+    if BASELINE[0] in samples:
+        vector_l, P = _of_vector(samples, where)
+    else:
+        vector_l, P = _of_angles(samples, where)
+    is_stated = POSITION_SIGMA[0] in samples or HEADING_SIGMA[0] in samples
+    measured: Measured = "vector"
+    if LENGTH[0] not in samples and HEADING[0] in samples:
+        measured = "direction" if PITCH[0] in samples else "heading"
+    return Baseline(
+        t_s=samples["t_s"],
+        antennas=antennas,
+        vector_n_m=np.einsum("kij,kj->ki", R_nl, vector_l),
+        covariance_m2=R_nl @ P @ transpose(R_nl),
+        measured=measured,
+        unstated=() if is_stated else ("baseline",),
+    )
+
+
+def _check(samples: Mapping[str, FloatArray], where: Path | str) -> None:
+    """Raise unless there is a vector or a heading, and nothing without what it belongs to."""
+    if (BASELINE[0] in samples) == (HEADING[0] in samples):
+        raise BadInputError(
+            f"{where}: line 1: must have {', '.join(BASELINE)}, or {HEADING[0]}, and not both"
+        )
+    for names, needed in _NEEDS.items():
+        if names[0] in samples and needed[0] not in samples:
+            raise BadInputError(f"{where}: line 1: {names[0]} needs {', '.join(needed)}")
+
+
+def _of_vector(
+    samples: Mapping[str, FloatArray], where: Path | str
+) -> tuple[FloatArray, FloatArray]:
+    """Return vectors, (k, 3), and their covariances."""
+    vector = columns_to_vectors(samples, BASELINE)
+    sigma = stated_sigma(where, samples, POSITION_SIGMA)
+    if sigma is None:
+        sigma = np.tile(np.array(BASELINE_SIGMA_M), (len(vector), 1))
+    P: FloatArray = sigma[:, None] ** 2 * np.eye(3)
+    if BASELINE_COVARIANCE[0] in samples:
+        i, j = np.triu_indices(3, k=1)
+        P[:, i, j] = P[:, j, i] = columns_to_vectors(samples, BASELINE_COVARIANCE)
+    return vector, P
+
+
+def _of_angles(
+    samples: Mapping[str, FloatArray], where: Path | str
+) -> tuple[FloatArray, FloatArray]:
+    """Return vectors, (k, 3), and covariances by heading, and by pitch and length if any."""
+    none = np.zeros(len(samples["t_s"]))
+    heading, pitch = (np.radians(samples.get(name, none)) for name in (*HEADING, *PITCH))
+    length_m = samples.get(LENGTH[0], none + 1.0)
+
+    def sigma(names: tuple[str, ...]) -> FloatArray | None:
+        stated = stated_sigma(where, samples, names)
+        return None if stated is None else stated[:, 0]
+
+    of_heading, of_pitch, of_length = map(sigma, (HEADING_SIGMA, PITCH_SIGMA, LENGTH_SIGMA))
+    east_m = BASELINE_SIGMA_M[1] + none
+    across_m = east_m if of_heading is None else length_m * np.radians(of_heading)
+    down_m = _VERTICAL * across_m if of_pitch is None else length_m * np.radians(of_pitch)
+    if PITCH[0] not in samples:
+        down_m = across_m
+    along_m = east_m if of_length is None else of_length
+    if LENGTH[0] not in samples:
+        along_m = down_m
+    R_la = from_euler(none, pitch, heading)  # of axes along the baseline, right of it, and down
+    variances = np.stack([along_m, across_m * np.cos(pitch), down_m], axis=1) ** 2
+    P = R_la @ (variances[:, None] * np.eye(3)) @ transpose(R_la)
+    return length_m[:, None] * R_la[:, :, 0], P
+
+
+def baseline_blocks(of: Baseline, R_nl: FloatArray) -> Blocks:
+    """Return the columns that hold a baseline; a usual covariance is left out.
+
+    Parameters
+    ----------
+    of : Baseline
+    R_nl : ndarray, shape (k, 3, 3)
+        See ``local_axes``.
+    """
+    vector = np.einsum("kji,kj->ki", R_nl, of.vector_n_m)
+    P = transpose(R_nl) @ of.covariance_m2 @ R_nl
+    if of.measured == "vector":
+        i, j = np.triu_indices(3, k=1)
+        blocks: Blocks = [
+            (BASELINE, vector),
+            (POSITION_SIGMA, np.sqrt(np.einsum("kii->ki", P))),
+            (BASELINE_COVARIANCE, P[:, i, j]),
+        ]
+        return blocks[:1] if of.unstated else blocks
+    north, east, down = vector.T
+    heading, pitch = np.arctan2(east, north), np.arctan2(-down, np.hypot(north, east))
+    R_la = from_euler(np.zeros_like(pitch), pitch, heading)
+    sigma = np.degrees(np.sqrt(np.einsum("kji,kjl,kli->ki", R_la, P, R_la)))
+    blocks = [(HEADING, np.degrees(heading)[:, None])]
+    blocks += [] if of.unstated else [(HEADING_SIGMA, sigma[:, 1:2] / np.cos(pitch)[:, None])]
+    if of.measured == "direction":
+        blocks.append((PITCH, np.degrees(pitch)[:, None]))
+        blocks += [] if of.unstated else [(PITCH_SIGMA, sigma[:, 2:])]
+    return blocks
