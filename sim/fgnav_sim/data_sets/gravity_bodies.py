@@ -63,7 +63,7 @@ def _rocket(world: GravityWorld, draw: _Draw) -> FlownTable:
 
 
 def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
-    """Return a rocket, from its rail or burnt out, whose canards turn and swing its attitude."""
+    """Return a rocket from its rail or after burnout, its attitude commanded by canards."""
     boosts = draw((0, 1)) < 0.5
     pitch, yaw = draw((45.0, 85.0) if boosts else (10.0, 85.0)), draw((-180.0, 180.0))
     speed = draw(world.bodies.rail_mps if boosts else (120.0, world.bodies.coast_mps[1]))

@@ -89,7 +89,7 @@ def release_gravity(
     domain: tuple[Statistic, ...],
     metrics: Mapping[str, float],
     folder: Path,
-    origin: Origin,
+    origin: Origin | None = None,
 ) -> None:
     """Write the factor of a network, as ``training.release`` does.
 
