@@ -36,7 +36,6 @@ def estimator_of(table: MethodTable) -> Estimator:
             gravity=None if table.gravity is None else gravity_named(table.gravity),
             estimate=table.estimate,
             factors=table.factors,
-            solver=table.solver,
             causal=table.causal,
             lag_s=table.lag_s,
         )

@@ -40,7 +40,6 @@ class Options:
     estimate : tuple of str
     factors : tuple of str or None
         Names of installed sources of factors; empty: none, not the gravity network either.
-    solver : str or None
     causal : bool
         Of the smoother alone: the others are what they are.
     noise : {"identified", "stated"} or None
@@ -51,7 +50,6 @@ class Options:
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[str, ...] | None = None
-    solver: str | None = None
     causal: bool = False
     noise: str | None = None
     lag_s: float | None = None
@@ -64,7 +62,6 @@ class Options:
         if name in SMOOTHERS:
             wanted |= {
                 "estimate": self.estimate or None,
-                "solver": self.solver,
                 "causal": True if self.causal and name == "smoother" else None,
                 "noise": self.noise,
                 "lag_s": self.lag_s if name in WITH_LAG else None,

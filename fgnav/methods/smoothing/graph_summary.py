@@ -1,4 +1,4 @@
-"""What an estimate says of its factor graph: kinds of factors, answers of networks, the solver."""
+"""What an estimate says of its factor graph: kinds of factors, answers of networks."""
 
 from collections import Counter
 
@@ -23,7 +23,6 @@ def graph_summary(
         left_out = [loss for loss in sourced.losses if loss.what == f"{name} answer"]
         counts |= {loss.reason: loss.count for loss in left_out}
     return GraphSummary(
-        solver=solution.solver,
         updates=solution.updates,
         factors=factors | dict(custom),
         networks=networks,

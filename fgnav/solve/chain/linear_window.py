@@ -1,9 +1,10 @@
-"""The newest keyframes of a flight, linearised and eliminated: what every window rests on.
+"""The newest keyframes of a flight, linearised and eliminated beside GTSAM's window.
 
 What leaves stays as forward information of the oldest keyframe that remains: marginalisation is
 exact up to its linearisation, and the window does not grow.
 """
 
+import gtsam
 import numpy as np
 from scipy.linalg import solve_triangular
 
@@ -12,7 +13,6 @@ from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import back_kernel
 from fgnav.solve.chain.arcs import Border
 from fgnav.solve.chain.arrays import WindowArrays
@@ -163,11 +163,6 @@ class LinearWindow:
                 )
         self._changed[:] = False
 
-    def substitute(self) -> FloatArray:
-        """Return the steps of all keyframes to their estimates, (n, D)."""
-        self._border.substitute(self.rows.gain, self.end, self.rows.steps)
-        return self.rows.steps
-
     def marginals(self, begin: int, end: int) -> Marginals:
         """Return covariances of keyframes begin to end - 1, counted from the oldest."""
         rows, D, b = self.rows, len(self.rows.root[0]), len(self.constants)
@@ -177,11 +172,6 @@ class LinearWindow:
         constant = self._end_covariance[D : D + b, D : D + b].copy()
         covariance, cross, shared = out if m == n else (one[:m].copy() for one in out)
         return Marginals(covariance, cross, constant, shared)
-
-    def turn_sigma_rad(self, row: int) -> float:
-        """Return the 1-sigma of a keyframe's rotation, counted from the oldest, all axes."""
-        rotation = self.marginals(row, row + 1).covariance[0, ROTATION, ROTATION]
-        return float(np.sqrt(np.trace(rotation)))
 
     def forget(self, count: int) -> None:
         """Take the oldest keyframes out; what they tell of the next one stays."""
