@@ -39,7 +39,7 @@ def estimator_of(table: MethodTable) -> Estimator:
             causal=table.causal,
             lag_s=table.lag_s,
         )
-        estimator = method_named(table.method, resolver_named(table.integers), options=options)
+        estimator = method_named(table.method, resolver_named(table.integers), options)
         if table.without:
             return restricted(table.title, estimator, table.without)
     except BadInputError as error:

@@ -6,7 +6,7 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 ``Estimator``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from fgnav import plugins
 from fgnav.gravity import GravityEstimator
@@ -72,10 +72,6 @@ class Options:
 def method_named(
     name: str,
     resolver: Resolver,
-    gravity: GravityEstimator | None = None,
-    estimate: tuple[str, ...] = (),
-    lag_s: float | None = None,
-    *,
     options: Options | None = None,
 ) -> Estimator:
     """Return the method of that name, with those of the options that it takes.
@@ -84,8 +80,6 @@ def method_named(
     ----------
     name : str
     resolver : Resolver
-    gravity, estimate, lag_s
-        As in ``Options``, which they override.
     options : Options, optional
 
     Returns
@@ -100,17 +94,10 @@ def method_named(
     Examples
     --------
     >>> from fgnav.integers.resolvers.registry import resolver_named
-    >>> from fgnav.methods import method_named
-    >>> method_named("smoother", resolver_named("lambda"), lag_s=2.0).lag_s
+    >>> from fgnav.methods import Options, method_named
+    >>> method_named("smoother", resolver_named("lambda"), Options(lag_s=2.0)).lag_s
     2.0
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    chosen = options or Options()
-    chosen = replace(
-        chosen,
-        gravity=gravity or chosen.gravity,
-        estimate=estimate or chosen.estimate,
-        lag_s=chosen.lag_s if lag_s is None else lag_s,
-    )
-    estimator: Estimator = factory(resolver=resolver, **chosen.of(name))
+    estimator: Estimator = factory(resolver=resolver, **(options or Options()).of(name))
     return estimator

@@ -1,1 +1,1 @@
-"""From a smoothing problem to its solution: GTSAM's window and batch, compiled elimination beside them."""
+"""From a smoothing problem to its solution: GTSAM's window and batch."""

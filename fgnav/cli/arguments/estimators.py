@@ -60,7 +60,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     for option, (is_given, taken_by) in takers.items():
         if is_given and not set(names) & set(taken_by):
             raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
-    return [method_named(name, resolver, options=options) for name in names]
+    return [method_named(name, resolver, options) for name in names]
 
 
 def factors_named(text: str) -> tuple[str, ...] | None:
