@@ -59,7 +59,7 @@ def check_order(order: Order) -> None:
             try:
                 source.check(case.scenario, case.changed(column))
             except BadInputError as error:
-                raise BadInputError(f"case {case.name!r}: {error}") from None
+                raise BadInputError(f"case {case.title!r}: {error}") from None
 
 
 def fly(order: Order, run: Run) -> Record:
@@ -85,7 +85,7 @@ def _head(order: Order, run: Run) -> Record:
     value = None if case.sweep is None else case.sweep.values[run.column]
     return {
         "campaign": order.digest,
-        "case": case.name,
+        "case": case.title,
         "column": run.column,
         "value": value,
         "flight": run.flight,

@@ -67,6 +67,12 @@ class CaseTable(Table, frozen=True):
     sweep: SweepTable | None = None
     # whether each flight starts at a time of the day of its own, so under a sky of its own
     any_hour: bool = False
+    condition: str = ""  # cases of one condition share a table
+
+    @property
+    def title(self) -> str:
+        """What tables call it."""
+        return f"{self.name}, {self.condition}" if self.condition else self.name
 
     @property
     def columns(self) -> int:
@@ -86,13 +92,16 @@ class Order(Table, frozen=True):
     flights: _Flights  # of each case and value of its sweep
     method: Annotated[tuple[MethodTable, ...], msgspec.Meta(min_length=1)]
     case: Annotated[tuple[CaseTable, ...], msgspec.Meta(min_length=1)]
+    # by name, what a condition changes of every case, by dotted key; cases have the same random
+    # draws under each
+    condition: dict[_Name, dict[str, Any]] = msgspec.field(default_factory=dict)
     name: str = ""
     # the method that others are held against; the first where none is named
     baseline: str | None = None
 
     def __post_init__(self) -> None:
         """Require names that differ, and a baseline among them."""
-        for kind, names in (("method", self.titles), ("case", [c.name for c in self.case])):
+        for kind, names in (("method", self.titles), ("case", [c.title for c in self.case])):
             for name in names:
                 if names.count(name) > 1:
                     raise ValueError(f"{kind}: two are named {name!r}; give each its own name")
@@ -117,8 +126,15 @@ class Order(Table, frozen=True):
         return sha256(msgspec.json.encode(decisive, order="sorted")).hexdigest()
 
 
-def load_order(path: Path) -> Order:
-    """Return the campaign in a TOML file; scenarios that are files are named from its folder.
+def load_order(path: Path, *, flights: int | None = None) -> Order:
+    """Return the campaign in a TOML file, with a case for each case and condition.
+
+    Scenarios that are files are named from its folder.
+
+    Parameters
+    ----------
+    flights : int, optional
+        Of each case and value of its sweep; as the file has it by default.
 
     Raises
     ------
@@ -127,11 +143,26 @@ def load_order(path: Path) -> Order:
     """
     if not path.is_file():
         raise BadInputError(f"{path}: no such campaign file")
+    if flights is not None and flights < 1:
+        raise BadInputError(f"--flights: must be 1 or more, got {flights}")
     order = as_table(path, read_toml(path), Order)
     cases = tuple(
-        msgspec.structs.replace(case, scenario=_beside(path, case.scenario)) for case in order.case
+        msgspec.structs.replace(
+            case,
+            scenario=_beside(path, case.scenario),
+            condition=condition or case.condition,
+            changes={**case.changes, **changes},
+        )
+        for condition, changes in (order.condition or {"": {}}).items()
+        for case in order.case
     )
-    return msgspec.structs.replace(order, name=order.name or path.stem, case=cases)
+    return msgspec.structs.replace(
+        order,
+        name=order.name or path.stem,
+        flights=flights or order.flights,
+        case=cases,
+        condition={},
+    )
 
 
 def _beside(path: Path, scenario: str) -> str:

@@ -28,6 +28,7 @@ _SUMMARY = (
     ("NEES of 3", "attitude_nees", False),
     ("NLL", "attitude_nll", False),
     ("energy deg", "attitude_energy_score_deg", False),
+    ("wrong integers", "integers_wrong", False),
 )
 _RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
 
@@ -42,7 +43,7 @@ class Table:
     def __init__(self, order: Order, records: Iterable[Record]) -> None:
         self._methods = order.titles
         self._columns = [case.columns for case in order.case]
-        cases = [case.name for case in order.case]
+        cases = [case.title for case in order.case]
         flat: dict[tuple[int, int], array[float]] = {}
         flights: dict[tuple[int, int], array[int]] = {}
         for record in records:
@@ -88,7 +89,7 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     table = Table(order, records)
     head = list(_head(order, len(table)))
     summaries = {
-        case.name: (_summary_heads(order), list(_summary(order, table, number)))
+        case.title: (_summary_heads(order), list(_summary(order, table, number)))
         for number, case in enumerate(order.case)
     }
     sweeps = [_sweep(order, table, cases) for cases in _swept_alike(order)]
@@ -165,11 +166,12 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
 
 
 def _swept_alike(order: Order) -> list[list[int]]:
-    """Return the numbers of cases that sweep the same values of the same thing, together."""
-    groups: dict[tuple[str, tuple[float, ...]], list[int]] = {}
+    """Return the numbers of cases that sweep the same values under one condition, together."""
+    groups: dict[tuple[str, str, tuple[float, ...]], list[int]] = {}
     for number, case in enumerate(order.case):
         if case.sweep is not None:
-            groups.setdefault((case.sweep.name, case.sweep.values), []).append(number)
+            key = (case.condition, case.sweep.name, case.sweep.values)
+            groups.setdefault(key, []).append(number)
     return list(groups.values())
 
 
@@ -181,6 +183,7 @@ def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
     """
     sweep = order.case[cases[0]].sweep
     values = () if sweep is None else sweep.values
+    swept = ", ".join(filter(None, (sweep.name if sweep else "", order.case[cases[0]].condition)))
     names = [order.case[number].name for number in cases]
     labels = [*names, "average"] if len(cases) > 1 else names
     heads = ["method", "case", *(f"{value:g}" for value in values), "mean"]
@@ -196,12 +199,12 @@ def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
                 cells = [_number(v) for v in (*by_column, float(by_column.mean()))]
                 rows.append([title, label, *cells])
                 curves[angle, label, title] = by_column
-        tables[f"{angle}, RMSE in degrees by {sweep.name if sweep else ''}"] = (heads, rows)
+        tables[f"{angle}, RMSE in degrees by {swept}"] = (heads, rows)
     if overall := list(_overall(order, table, cases)):
         name = "mean RMSE over angles, values and cases, deg; its ratio"
         tables[name] = (["method", "mean, deg", "ratio"], overall)
     return Sweep(
-        name=sweep.name if sweep else "",
+        name=swept,
         values=np.array(values),
         tables=tables,
         curves=curves,

@@ -41,7 +41,8 @@ def seed_of(order: Order, run: Run) -> np.random.SeedSequence:
     """Return what a run's random numbers grow from.
 
     Named by the case's name, the flight's number and the root alone: columns of a sweep share
-    their draws, so that they differ by what is swept, and cases added later change no other.
+    their draws, so that they differ by what is swept, and so do conditions; cases added later
+    change no other.
     """
     case = zlib.crc32(order.case[run.case].name.encode())
     return np.random.SeedSequence(order.seed, spawn_key=(case, run.flight))

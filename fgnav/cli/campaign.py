@@ -14,6 +14,9 @@ def campaign(
     /,
     *,
     out: Path,
+    flights: Annotated[
+        int | None, Parameter(help="Of each case and value; the file's number by default.")
+    ] = None,
     workers: Annotated[
         int | None, Parameter(help="Processes here; as many as there are cores by default.")
     ] = None,
@@ -54,7 +57,7 @@ def campaign(
         raise BadInputError("--workers: the cluster has its own; leave it out with --scheduler")
     check_report(report)
     engine = Dask(scheduler) if scheduler is not None else Local(workers or _cores())
-    what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"))
+    what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"), flights=flights)
     with counting(what.name) as watch:
         outcome = conduct(what, out, engine, resume=resume, watch=watch)
     print(outcome.text, end="")

@@ -69,7 +69,6 @@ _INSTALLED_HELP = {
     "train": "Train a network from a recipe.",
     "recipes": "List the recipes that come along, or print one.",
     "cards": "List what is known of each released network, or print its card.",
-    "restitution": "Restore commanded angles by the source paper's method and by others.",
 }
 
 

@@ -1,6 +1,7 @@
 """The simulator as campaigns know it: scenarios by name or file, changed by dotted keys."""
 
 from collections.abc import Mapping
+from copy import deepcopy
 from datetime import datetime, timedelta
 from difflib import get_close_matches
 from functools import lru_cache
@@ -62,7 +63,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Any]) -> Scenario:
             near = get_close_matches(name, place, n=1, cutoff=0.0)
             meant = f"; the nearest known key is {'.'.join([*tables, *near])}" if near else ""
             raise BadInputError(f"changes.{key}: unknown{meant}")
-        place[name] = value
+        place[name] = deepcopy(value)  # later keys may change a part of it
     try:
         return msgspec.convert(content, Scenario)
     except msgspec.ValidationError as error:

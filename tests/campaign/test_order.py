@@ -69,6 +69,21 @@ def test_columns_share_their_draws_and_flights_do_not(order):
     assert not np.array_equal(a.generate_state(4), c.generate_state(4))
 
 
+def test_conditions_fly_every_case_with_the_same_draws(tmp_path):
+    text = GOOD + "changes = { duration_s = 1.0 }\n"
+    for name, noise_m in (("code", 0.3), ("carrier", 0.003)):
+        text += f'[condition.{name}]\n"gnss.code_noise_m" = {noise_m}\n'
+    order = load_order(written(tmp_path, text), flights=5)
+    assert [case.title for case in order.case] == ["sine, code", "sine, carrier"]
+    assert order.case[1].changes == {"duration_s": 1.0, "gnss.code_noise_m": 0.003}
+    assert order.flights == 5
+    check_order(order)
+    states = [seed_of(order, Run(case=k, column=0, flight=0)).generate_state(4) for k in (0, 1)]
+    assert np.array_equal(*states)
+    with pytest.raises(BadInputError, match="--flights: must be 1 or more, got 0"):
+        load_order(written(tmp_path, text), flights=0)
+
+
 def test_a_campaign_cut_short_has_some_of_everything(order):
     first = list(runs_of(order))[:3]
     assert {(run.case, run.column) for run in first} == {(0, 0), (0, 1), (1, 0)}

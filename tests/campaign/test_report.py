@@ -13,10 +13,14 @@ from fgnav.evaluation.report.save import write
 from tests.campaign.conftest import SMALL
 
 
-def order_of(columns, cases=("ramp", "sine"), flights=12):
+def order_of(columns, cases=("ramp", "sine"), flights=12, conditions=("",)):
     values = [float(k) for k in range(columns)]
     sweep = {"name": "amplitude_deg", "values": values, "keys": {"motion.roll.amplitude_deg": True}}
-    tables = [{"name": name, "scenario": "demo", "sweep": sweep} for name in cases]
+    tables = [
+        {"name": name, "scenario": "demo", "sweep": sweep, "condition": condition}
+        for condition in conditions
+        for name in cases
+    ]
     return msgspec.convert({**SMALL, "flights": flights, "case": tables}, Order)
 
 
@@ -30,7 +34,7 @@ def records(order, error_deg):
                     value = error_deg(number, column, flight, title)
                     figures = dict.fromkeys(FIGURES, value) | {"available": 1.0}
                     methods[title] = {"figures": {} if value is None else figures}
-                yield {"case": case.name, "column": column, "flight": flight, "methods": methods}
+                yield {"case": case.title, "column": column, "flight": flight, "methods": methods}
 
 
 def lines(order, error_deg, tmp_path):
@@ -64,6 +68,15 @@ def test_cases_of_one_sweep_stand_below_each_other_with_their_average(tmp_path):
     assert rows[3] == ["4", "6", "8", "6"]
     assert [line.split()[-5] for line in text[top + 2 : top + 5]] == ["ramp", "sine", "average"]
     assert text[top + 1].split() == ["method", "case", "0", "1", "2", "mean"]
+
+
+def test_conditions_have_tables_of_their_own(tmp_path):
+    order = order_of(2, conditions=("code", "carrier"))
+    text = lines(order, lambda c, *_: 1.0 + (c // 2), tmp_path)
+    for condition, value in (("code", "1"), ("carrier", "2")):
+        top = text.index(f"yaw, RMSE in degrees by amplitude_deg, {condition}")
+        assert text[top + 4].split()[-4:] == ["average", value, value, value]
+    assert "ramp, carrier" in text
 
 
 def test_the_mean_over_all_has_a_ratio_with_its_interval(tmp_path):

@@ -9,12 +9,13 @@ from fgnav.campaign.order import load_order
 from fgnav.campaign.runs import Run, runs_of
 from fgnav.campaign.sources import flight_source
 from fgnav.geometry.rotations import to_euler
+from fgnav.seeker import line_of_sight
 from fgnav.shipped import shipped
 
 CAMPAIGNS = shipped("fgnav_sim", "campaigns")
 RUNS = {
     "flown": 4 * 10,
-    "restitution": 2 * 9 * 10,  # motions, amplitudes, flights
+    "restitution": 4 * 2 * 9 * 3,  # conditions, motions, amplitudes, flights
     "degraded": (4 + 4 + 3 + 3 + 3 + 4 + 3 + 3 + 4 + 4) * 10,
 }
 
@@ -36,7 +37,7 @@ def restitution():
 
 
 @pytest.mark.parametrize("case", [0, 1])
-def test_angles_of_the_restitution_reach_the_paper_s_amplitudes(restitution, case):
+def test_restitution_reaches_the_paper_s_amplitudes_and_sees_its_landmark(restitution, case):
     table = restitution.case[case]
     for column, amplitude_deg in enumerate(table.sweep.values):
         changes = table.changed(column)
@@ -49,6 +50,10 @@ def test_angles_of_the_restitution_reach_the_paper_s_amplitudes(restitution, cas
         reach = np.abs(angles_deg).max(axis=0)
         np.testing.assert_allclose(reach, amplitude_deg * (0.99, 1.0)[case], rtol=1e-3)
         assert len(set(flight.observations.satellites)) == 6
+        e_b = line_of_sight(flight.seeker)
+        assert e_b.t_s[0] >= 7.0
+        at = np.argmin(np.abs(e_b.t_s - 8.5))
+        np.testing.assert_allclose(e_b.e_b[at], [1.0, 0.0, 0.0], atol=5e-3)
 
 
 def test_a_degraded_flight_of_each_kind_is_flown():

@@ -17,7 +17,7 @@ from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch, Smoother
 from tests.benchmarks import consistency
-from tests.benchmarks.gravity import flights
+from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, flown, nees, shared
 from tests.methods.test_maximum_likelihood import Off
 from tests.recordings import uav, uav_field

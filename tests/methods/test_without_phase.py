@@ -16,8 +16,8 @@ from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.benchmarks import consistency
-from tests.benchmarks.gravity import Pair, flights
 from tests.frontend.test_vector_alignment import swinging
+from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, prepared_of, shared
 from tests.methods.true_gravity import TrueGravity
 
@@ -57,7 +57,7 @@ def first_half(number):
 
 def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     """Full steps cross the valley to and fro: after a hundred they still were at it."""
-    prepared = Batch(gravity=Pair(interval_s=6.0), noise="stated").prepare(first_half(1))
+    prepared = Batch(gravity=TrueGravity(every=60), noise="stated").prepare(first_half(1))
     assert solve_batch(prepared.problem).converged
 
 

@@ -46,13 +46,9 @@ def commands(flight: Path, scenario: Path, world: Path) -> tuple[Command, ...]:
 
 
 def commands_of_models() -> tuple[Command, ...]:
-    """Return the commands that write networks and what the source paper's method makes of them."""
+    """Return the commands that write networks."""
     train = ["train", "gravity", "--scale", "smoke", "--resume", "--out"]
-    restitute = ["restitution", "--seeds", "1", "--processes", "1", "--out"]
-    return (
-        Command("train", lambda out: [*train, str(out / "nets")], _never),
-        Command("restitution", lambda out: [*restitute, str(out / "tables")], _never),
-    )
+    return (Command("train", lambda out: [*train, str(out / "nets")], _never),)
 
 
 def killed(

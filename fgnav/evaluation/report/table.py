@@ -102,7 +102,8 @@ def remarks(comparison: Comparison) -> list[str]:
         for m in comparison.methods
     )
     lines += _by_method((m.name, _doubt(m.score.integers)) for m in comparison.methods)
-    lines += _by_method((m.name, m.score.notes) for m in comparison.methods)
+    complete = [m for m in comparison.methods if " without " not in m.name]  # they say it, too
+    lines += _by_method((m.name, m.score.notes) for m in complete or comparison.methods)
     lines += _by_method((m.name, rejection_lines(m.rejections)) for m in comparison.methods)
     per_method = {m.name: m.score.losses for m in comparison.solved}
     return lines + loss_lines(per_method)

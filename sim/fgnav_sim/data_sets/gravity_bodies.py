@@ -63,25 +63,31 @@ def _rocket(world: GravityWorld, draw: _Draw) -> FlownTable:
 
 
 def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
-    """Return a rocket after burnout whose canards hold and swing its attitude."""
-    pitch, yaw = draw((10.0, 85.0)), draw((-180.0, 180.0))
-    speed, spin = draw((120.0, world.bodies.coast_mps[1])), draw(world.bodies.spin_degps)
+    """Return a rocket, from its rail or after burnout, whose canards turn and swing its attitude."""
+    boosts = draw((0, 1)) < 0.5
+    pitch, yaw = draw((45.0, 85.0) if boosts else (10.0, 85.0)), draw((-180.0, 180.0))
+    speed = draw(world.bodies.rail_mps if boosts else (120.0, world.bodies.coast_mps[1]))
     roll = draw((-180.0, 180.0))
     start = _start(world, draw, speed, pitch, 0.0, 0.0)
     start = msgspec.structs.replace(
-        start, euler_deg=(roll, pitch, yaw), rate_b_degps=(0.0, 0.0, 0.0), rear_spin_degps=spin
+        start,
+        euler_deg=(roll, pitch, yaw),
+        rate_b_degps=(0.0, 0.0, 0.0),
+        rear_spin_degps=0.0 if boosts else draw(world.bodies.spin_degps),
     )
-    turning = draw((0, 1)) < 0.3
+    rolls, pitches = draw((0, 1)) < 0.3, draw((0, 1)) < 0.5
     flown = FlownTable(
         vehicle=_varied("rocket", world, draw),
         start=start,
-        ignition_s=_BURNT_OUT_S,
+        ignition_s=0.0 if boosts else _BURNT_OUT_S,
         attitude=AttitudeTable(
             roll=Rate(rate_degps=draw((-120.0, 120.0)), start_deg=roll)
-            if turning
+            if rolls
             else _swing(world, draw, roll, 6.0),
-            pitch=_swing(world, draw, pitch - draw((0.0, 4.0))),
-            yaw=_swing(world, draw, yaw),
+            pitch=Rate(rate_degps=draw((-5.0, 0.0)), start_deg=pitch + draw((-3.0, 3.0)))
+            if pitches
+            else _swing(world, draw, pitch - draw((0.0, 4.0))),
+            yaw=_swing(world, draw, yaw + draw((-2.0, 2.0))),
         ),
         step_s=_STEP_S,
     )

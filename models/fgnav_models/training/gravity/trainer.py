@@ -60,7 +60,7 @@ class Training(Learning, frozen=True):
     flown: Count = 30  # flights of each scenario of a flown body, to judge on
     # stated sigma of each axis beyond which no answer is given: an ellipse on a tangent plane says
     # little of a direction that may be anywhere on a ring
-    most_sigma_deg: Positive = 15.0
+    most_sigma_deg: Positive = 10.0
 
 
 class Recipe(Table, frozen=True):
