@@ -2,11 +2,9 @@
 
 import ast
 import re
-import sys
 from collections import Counter
 from functools import cache
 from graphlib import TopologicalSorter
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -31,10 +29,6 @@ PRIVATE = {
     "whole": 35,
     "known": 38,
     "own": 145,
-}
-MOVED = {
-    "fgnav.flight": "fgnav.types.flight",
-    "fgnav.integers.truth": "fgnav.integers.resolvers.truth",
 }
 
 
@@ -108,13 +102,6 @@ def test_no_method_is_told_by_its_class():
     ]
     assert asked == []
     assert list(kinds_asked_for(ast.parse("isinstance(a, (x.Rtk, B))"))) == [(1, {"x", "Rtk", "B"})]
-
-
-@pytest.mark.parametrize(("old", "new"), MOVED.items())
-def test_an_old_name_is_the_new_module_and_says_so(old, new, monkeypatch):
-    monkeypatch.delitem(sys.modules, old, raising=False)
-    with pytest.warns(DeprecationWarning, match=re.escape(f"{old} is now {new}")):
-        assert import_module(old) is import_module(new)
 
 
 def identifiers(tree):

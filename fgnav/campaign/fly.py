@@ -36,11 +36,10 @@ def estimator_of(table: MethodTable) -> Estimator:
             gravity=None if table.gravity is None else gravity_named(table.gravity),
             estimate=table.estimate,
             factors=table.factors,
-            solver=table.solver,
             causal=table.causal,
             lag_s=table.lag_s,
         )
-        estimator = method_named(table.method, resolver_named(table.integers), options=options)
+        estimator = method_named(table.method, resolver_named(table.integers), options)
         if table.without:
             return restricted(table.title, estimator, table.without)
     except BadInputError as error:

@@ -26,7 +26,6 @@ class MethodTable(Table, frozen=True):
     estimate: tuple[str, ...] = ()
     factors: tuple[str, ...] | None = None  # none: the networks of a flight by default
     without: tuple[str, ...] = ()
-    solver: str | None = None
     causal: bool = False
     lag_s: Annotated[float, msgspec.Meta(gt=0)] | None = None
 

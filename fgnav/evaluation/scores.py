@@ -114,7 +114,7 @@ class Score:
         Wall time from the flight to the estimate, differences and integers included, without
         the compilation of kernels that the first run after an install brings.
     graph : GraphSummary or None
-        Factors by kind, answers of networks, and who solved it.
+        Factors by kind, answers of networks, updates of the solver.
     consistency : tuple of Consistency
         Innovations by kind of measurement, of a method that states them.
     verdicts : tuple of Verdict

@@ -7,6 +7,7 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -15,7 +16,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem, pose_prior
 from fgnav.graph.types.states import AUX, States
-from fgnav.optional_gtsam import gtsam
 
 _GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
 _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (

@@ -13,13 +13,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
+import gtsam
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fgnav.checks import BadInputError
 from fgnav.graph import keys as symbols
 from fgnav.graph.residual_model import STEP, Jacobian, Residual, ResidualModel, spelt
-from fgnav.optional_gtsam import gtsam
 
 Noise: TypeAlias = ArrayLike | gtsam.noiseModel.Base
 

@@ -19,6 +19,7 @@ References
 
 from dataclasses import dataclass, replace
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
@@ -30,7 +31,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.optional_gtsam import gtsam
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
 _GYROSCOPE_AUX = 6

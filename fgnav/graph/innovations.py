@@ -13,6 +13,7 @@ References
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
+import gtsam
 import numpy as np
 from scipy.special import chdtr, chdtri
 
@@ -26,7 +27,6 @@ from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import AUX, VELOCITY
-from fgnav.optional_gtsam import gtsam
 from fgnav.types.estimate import Consistency
 
 _GATE = 0.01  # share of right measurements beyond it

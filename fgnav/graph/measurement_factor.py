@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import Literal, Protocol, TypeAlias
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +12,6 @@ from fgnav.graph import keys as symbols
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
-from fgnav.optional_gtsam import gtsam
 
 Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
 _Read: TypeAlias = Callable[[gtsam.Values], None]

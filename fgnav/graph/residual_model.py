@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any, TypeAlias
 
+import gtsam
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.graph import keys as symbols
-from fgnav.optional_gtsam import gtsam
 
 Variable: TypeAlias = Any  # as in gtsam.Values: Pose3, ConstantBias, ndarray, float
 Residual: TypeAlias = Callable[..., ArrayLike]

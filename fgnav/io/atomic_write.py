@@ -5,6 +5,7 @@ however that ends: the next write of NAME removes what killed ones have left.
 """
 
 import errno
+import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -13,12 +14,7 @@ from pathlib import Path
 
 from fgnav.checks import BadInputError
 
-try:
-    import fcntl
-except ModuleNotFoundError:  # elsewhere than on POSIX nothing tells whose process has ended
-    fcntl = None  # type: ignore[assignment]
-
-_FULL = (errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC), errno.EFBIG)
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def atomic_file(path: Path, *, tidy: bool = True) -> AbstractContextManager[Path]:
@@ -137,9 +133,6 @@ def _cannot_be_written(path: Path, error: OSError) -> BadInputError:
 @contextmanager
 def _locked(part: Path) -> Iterator[None]:
     """Hold a lock on a file or folder."""
-    if fcntl is None:
-        yield
-        return
     handle = os.open(part, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
@@ -151,8 +144,6 @@ def _locked(part: Path) -> Iterator[None]:
 
 def _remove_leftovers(path: Path) -> None:
     """Remove what writers of ``path`` have left that are no more."""
-    if fcntl is None:
-        return
     start = f".{path.name}."
     for other in path.parent.iterdir():
         pid = other.name.removeprefix(start).removesuffix(".part")

@@ -6,7 +6,7 @@ through the entry-point group ``fgnav.methods``: a callable that takes ``resolve
 ``Estimator``.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from fgnav import plugins
 from fgnav.gravity import GravityEstimator
@@ -40,7 +40,6 @@ class Options:
     estimate : tuple of str
     factors : tuple of str or None
         Names of installed sources of factors; empty: none, not the gravity network either.
-    solver : str or None
     causal : bool
         Of the smoother alone: the others are what they are.
     noise : {"identified", "stated"} or None
@@ -51,7 +50,6 @@ class Options:
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[str, ...] | None = None
-    solver: str | None = None
     causal: bool = False
     noise: str | None = None
     lag_s: float | None = None
@@ -64,7 +62,6 @@ class Options:
         if name in SMOOTHERS:
             wanted |= {
                 "estimate": self.estimate or None,
-                "solver": self.solver,
                 "causal": True if self.causal and name == "smoother" else None,
                 "noise": self.noise,
                 "lag_s": self.lag_s if name in WITH_LAG else None,
@@ -75,10 +72,6 @@ class Options:
 def method_named(
     name: str,
     resolver: Resolver,
-    gravity: GravityEstimator | None = None,
-    estimate: tuple[str, ...] = (),
-    lag_s: float | None = None,
-    *,
     options: Options | None = None,
 ) -> Estimator:
     """Return the method of that name, with those of the options that it takes.
@@ -87,8 +80,6 @@ def method_named(
     ----------
     name : str
     resolver : Resolver
-    gravity, estimate, lag_s
-        As in ``Options``, which they override.
     options : Options, optional
 
     Returns
@@ -103,17 +94,10 @@ def method_named(
     Examples
     --------
     >>> from fgnav.integers.resolvers.registry import resolver_named
-    >>> from fgnav.methods import method_named
-    >>> method_named("smoother", resolver_named("lambda"), lag_s=2.0).lag_s
+    >>> from fgnav.methods import Options, method_named
+    >>> method_named("smoother", resolver_named("lambda"), Options(lag_s=2.0)).lag_s
     2.0
     """
     factory = plugins.named(GROUP, METHODS, name, kind="method")
-    chosen = options or Options()
-    chosen = replace(
-        chosen,
-        gravity=gravity or chosen.gravity,
-        estimate=estimate or chosen.estimate,
-        lag_s=chosen.lag_s if lag_s is None else lag_s,
-    )
-    estimator: Estimator = factory(resolver=resolver, **chosen.of(name))
+    estimator: Estimator = factory(resolver=resolver, **(options or Options()).of(name))
     return estimator

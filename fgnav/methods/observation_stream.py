@@ -71,12 +71,10 @@ class ObservationStream:
     Parameters
     ----------
     method : Forward
-        With GTSAM, and without factors of one's own.
+        Without custom factors.
     """
 
     def __init__(self, method: Forward) -> None:
-        if method.solver != "gtsam":
-            raise BadInputError(f"stream solver: must be gtsam, got {method.solver!r}")
         if method.factors:
             raise BadInputError("stream factors: of one's own go into Stream, keyframe by keyframe")
         self._method = method

@@ -1,7 +1,6 @@
 """The smoother as a method, asked in three ways: a window, its newest state, a whole flight.
 
-All three estimate the same factor graph (docs/model.md). GTSAM solves it; ``solver="chain"`` solves
-it by block elimination in compiled code.
+All three estimate the same factor graph (docs/model.md), which GTSAM solves.
 """
 
 from dataclasses import dataclass, field, replace
@@ -30,14 +29,7 @@ from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.graph_summary import graph_summary
 from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
-from fgnav.methods.smoothing.solving import (
-    Solver,
-    at_once,
-    by_newest,
-    by_window,
-    without_attitudes,
-)
-from fgnav.optional_gtsam import ABSENT, HAS_GTSAM
+from fgnav.methods.smoothing.solving import at_once, by_newest, by_window, without_attitudes
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.types.estimate import Estimate
@@ -72,9 +64,6 @@ class Smoother:
         of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
         see ``graph.custom``. None: the gravity network, where neither a gyroscope nor an array
         measures the attitude throughout (``smoothing.default_networks``).
-    solver : {"gtsam", "chain"}
-        GTSAM's incremental fixed-lag smoother and Levenberg-Marquardt, or the compiled chain, which
-        is the default where GTSAM is not installed.
     rate_prior : RatePrior or None
         Of flights without a gyroscope; None: identified by the evidence of the array's attitudes.
     sub_steps : int or None
@@ -104,7 +93,6 @@ class Smoother:
     gravity: GravityEstimator | None = None
     estimate: tuple[str, ...] = ()
     factors: tuple[FactorSource | str, ...] | None = None
-    solver: Solver = "gtsam" if HAS_GTSAM else "chain"
     rate_prior: RatePrior | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
@@ -120,17 +108,9 @@ class Smoother:
         calibration_requests(self.estimate)
         if self.sub_steps is not None and self.sub_steps < 1:
             raise BadInputError(f"{self.name} sub_steps: must be 1 or more, got {self.sub_steps}")
-        if self.solver not in ("gtsam", "chain"):
-            raise BadInputError(f"{self.name} solver: must be gtsam or chain, got {self.solver!r}")
-        if self.solver == "gtsam" and not HAS_GTSAM:
-            raise BadInputError(f"{self.name} solver: {ABSENT}")
         if self.noise not in ("identified", "stated"):
             raise BadInputError(
                 f"{self.name} noise: must be identified or stated, got {self.noise!r}"
-            )
-        if self.solver == "chain" and self.factors:
-            raise BadInputError(
-                f"{self.name} solver: chain takes no factors of one's own; use solver gtsam"
             )
 
     def __call__(self, flight: Flight) -> Estimate:
@@ -274,15 +254,10 @@ class Smoother:
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
         sources, refusals = self.factors or (), tuple[str, ...]()
-        if self.factors is None and self.solver != "chain":
+        if self.factors is None:
             sources, refusals = default_networks(flight)
         prepared, sourced = own_factors(sources, flight, prepared)
         own = sourced.factors
-        if own and self.solver == "chain":
-            raise BadInputError(
-                f"flight {flight.name}: key network: solver chain takes no networks; use solver "
-                "gtsam, or leave them out"
-            )
         if own:
             from fgnav.methods.smoothing.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
 
@@ -305,7 +280,7 @@ class Smoother:
         )
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return by_window(prepared, own, self.solver, self.lag_s)
+        return by_window(prepared, own, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,7 +307,7 @@ class Forward(Smoother):
         return 0.0
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return by_newest(prepared, own, self.solver, self.lag_s)
+        return by_newest(prepared, own, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -354,7 +329,7 @@ class Batch(Smoother):
     name: str = "batch"
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return at_once(prepared, own, self.solver)
+        return at_once(prepared, own)
 
 
 def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationSeries, ...]:

@@ -1,1 +1,1 @@
-"""From a smoothing problem to its solution: GTSAM's window and batch, and a compiled chain."""
+"""From a smoothing problem to its solution: GTSAM's window and batch."""

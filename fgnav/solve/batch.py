@@ -1,15 +1,15 @@
 """The whole flight at once: GTSAM's least squares from each minimum that a search ends in.
 
 Begun from attitudes alone the search ends in wrong minima across gaps; a window starts each
-keyframe where the motion leads, and ends in others. The chain's window and descents find them in a
-tenth of the time (``minima``), from where one or two Newton steps on GTSAM's elimination are
-enough; where these do not descend, GTSAM's Levenberg-Marquardt does, at five times the time.
+keyframe where the motion leads, and ends in others. The chain's descents find them (``minima``),
+from where one or two Newton steps on GTSAM's elimination are enough; where these do not descend,
+GTSAM's Levenberg-Marquardt does, at five times the time.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -18,11 +18,8 @@ from fgnav.graph.build import Layout, flight_graph, flight_values, read_keyframe
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
-from fgnav.optional_gtsam import gtsam
-from fgnav.solve import chain
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words
-from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.solve.minima import BEGIN_LAG_S, Minimum, begins, distinct, minima, mixture
 from fgnav.solve.own_factors import Own, OwnFactors
 
@@ -57,10 +54,8 @@ def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Soluti
         If the data leave a state open, by name.
     """
     entering = OwnFactors(own, problem)
-    if own:  # the chain knows none
-        starts = begins(problem, partial(solve_fixed_lag, own=entering.within(BEGIN_LAG_S)))
-    else:
-        starts = begins(problem, chain.solve_fixed_lag)
+    starts = begins(problem, entering.within(BEGIN_LAG_S))
+    if not own:  # the chain knows none
         starts = [end.solution.states for end in minima(problem, starts)]
     return mixture(distinct([_least(problem, entering, states) for states in starts]))
 
@@ -160,7 +155,6 @@ def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin:
         constant_cross=marginals.constant_cross,
         converged=is_least,
         cost=cost,
-        solver="gtsam.LevenbergMarquardtOptimizer",
         updates=count,
     )
     return Minimum(solution, -cost / 2 - linear.log_root)

@@ -20,13 +20,13 @@ References
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.factors.antenna_phase import AntennaPhase
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.elimination_kernel import descended
 from fgnav.solve.failures import open_constant, open_state
 from fgnav.solve.marginals import Marginals

@@ -15,7 +15,7 @@ References
    section 1.4.16: moments of a Gaussian mixture.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,6 +26,8 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve import chain
+from fgnav.solve.fixed_lag import solve_fixed_lag
+from fgnav.solve.own_factors import Own
 
 BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 _APART_SIGMAS = 1.0  # searches that end closer than this have the same minimum
@@ -38,17 +40,17 @@ class Minimum(NamedTuple):
     log_evidence: float  # but for a constant of the problem
 
 
-def begins(problem: SmoothingProblem, window: Callable[..., Solution]) -> list[States]:
+def begins(problem: SmoothingProblem, own: Sequence[Own] = ()) -> list[States]:
     """Return where searches begin: where a window ended, as the body turned before; and the start.
 
     Parameters
     ----------
     problem : SmoothingProblem
-    window : callable
-        ``solve_fixed_lag`` of a solver.
+    own : sequence of gtsam.NonlinearFactor or NamedFactor
+        Factors of one's own that a window of ``BEGIN_LAG_S`` can hold.
     """
     try:
-        return [window(problem, BEGIN_LAG_S).states, problem.start]
+        return [solve_fixed_lag(problem, BEGIN_LAG_S, own=own).states, problem.start]
     except NoSolutionError:  # what came until then left a state open
         return [problem.start]
 

@@ -4,13 +4,14 @@ from collections import defaultdict
 from collections.abc import Sequence
 from typing import TypeAlias
 
+import gtsam
+
 from fgnav.checks import BadInputError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.custom import OwnFactor, check_factor, named
 from fgnav.graph.residual_model import spelt
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.optional_gtsam import gtsam
 
 Own: TypeAlias = gtsam.NonlinearFactor | OwnFactor
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.types.states import States
-from fgnav.optional_gtsam import gtsam
 
 
 def add_unary(

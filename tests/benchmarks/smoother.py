@@ -21,8 +21,6 @@ from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods import method_named
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.methods.stream import Stream
-from fgnav.solve import chain
-from fgnav.solve.batch import solve_batch
 from fgnav.solve.fixed_lag import FixedLag, solve_fixed_lag
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
@@ -42,7 +40,6 @@ TARGETS = {
     "smoother_fixed_lag": 100.0,
     "smoother_fixed_lag_whole": 50.0,
     "smoother_every_keyframe": 80.0,
-    "smoother_chain": 150.0,
 }
 ACCURATE = ("closed-form", "maximum-likelihood", "smoother", "batch", "rtk")
 NAMES = (
@@ -52,7 +49,6 @@ NAMES = (
     "smoother_with_integers",
     "smoother_growth",
     "smoother_memory",
-    "smoother_solver",
     *(
         f"accuracy_{name.replace('-', '_')}_{angle}"
         for name in ACCURATE
@@ -86,7 +82,6 @@ def run(span_s: float = SPAN_S) -> list[dict]:
         _stream(min(span_s, STREAM_S)),
         *_methods(flight, given, setting),
         *_growth(problem),
-        _solver(problem),
         *_accuracy(flight),
     ]
 
@@ -97,8 +92,7 @@ def _compile(scenario: Scenario) -> None:
     flight = simulate(short, np.random.default_rng(1))
     for resolver in (Lambda(), resolver_named("constrained")):
         for method in (Smoother, Batch):
-            for solver in ("gtsam", "chain"):
-                method(resolver=resolver, solver=solver)(flight)
+            method(resolver=resolver)(flight)
 
 
 def _solves(problem: SmoothingProblem, setting: str) -> list[dict]:
@@ -143,7 +137,6 @@ def _methods(flight: Flight, given: Given, setting: str) -> list[dict]:
     whole = "all of a method, hyperparameters included, integers given"
     methods = {
         "smoother_fixed_lag_whole": (window, f"GTSAM, lag {LAG_S:g} s; {whole}"),
-        "smoother_chain": (replace(window, solver="chain"), f"chain, lag {LAG_S:g} s; {whole}"),
         "smoother_batch": (Batch(resolver=given), f"GTSAM; {whole}"),
         "smoother_with_integers": (
             Batch(resolver=resolver_named("constrained")),
@@ -179,24 +172,6 @@ def _growth(problem: SmoothingProblem) -> list[dict]:
             "of the flight; GTSAM's own: smoother_memory_hour",
         ),
     ]
-
-
-def _solver(problem: SmoothingProblem) -> dict:
-    """Return the compiled chain's batch beside GTSAM's."""
-    n = len(problem.t_s)
-    ours, theirs = (
-        float(np.median([_seconds(lambda f=f: f(problem)) for _ in range(ROUNDS)]))
-        for f in (chain.solve_batch, solve_batch)
-    )
-    return _row(
-        "smoother_solver",
-        n / ours,
-        n / theirs,
-        theirs / ours,
-        "keyframes/s",
-        "compiled chain, batch; peer: GTSAM's Levenberg-Marquardt of the same problem; covariances "
-        "included",
-    )
 
 
 def _windowed(problem: SmoothingProblem, count: int, window: FixedLag) -> None:

@@ -27,7 +27,7 @@ def flight():
     return standing(20_003)
 
 
-@pytest.mark.parametrize("method", [Forward(), Smoother(), Batch(), Forward(solver="chain")])
+@pytest.mark.parametrize("method", [Forward(), Smoother(), Batch()])
 def test_a_car_that_stands_first_is_answered_from_its_first_epoch(flight, method):
     estimate = shared(method, flight)
     assert estimate.converged

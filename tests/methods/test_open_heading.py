@@ -47,7 +47,7 @@ def cruising(seed):
 @pytest.mark.parametrize(
     "method",
     [Batch(), Smoother(), Forward()],
-    ids=lambda method: f"{method.name}-{method.solver}",
+    ids=lambda method: method.name,
 )
 def test_a_heading_that_nothing_tells_is_open_and_the_rest_is_honest(method):
     squares = []
@@ -80,8 +80,8 @@ def told(flight, sigma_rad, rng):
 
 @pytest.mark.parametrize(
     "method",
-    [Smoother(), Forward(), Forward(solver="chain")],
-    ids=lambda method: f"{method.name}-{method.solver}",
+    [Smoother(), Forward()],
+    ids=lambda method: method.name,
 )
 def test_phases_tell_a_window_no_heading_that_is_none(method):
     """A level known later, beside what was marginalised before, made it sure: NEES 22 to 685."""

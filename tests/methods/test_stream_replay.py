@@ -159,16 +159,9 @@ def test_what_does_not_go_on_is_named():
         stream.update(second)
 
 
-@pytest.mark.parametrize(
-    ("method", "text"),
-    [
-        (Forward(solver="chain"), "stream solver: must be gtsam, got 'chain'"),
-        (Forward(factors=(lambda *_: (),)), "stream factors: of one's own go into Stream"),
-    ],
-)
-def test_what_a_stream_of_observations_does_not_take_is_named(method, text):
-    with pytest.raises(BadInputError, match=text):
-        ObservationStream(method)
+def test_factors_that_a_stream_of_observations_does_not_take_are_named():
+    with pytest.raises(BadInputError, match="stream factors: of one's own go into Stream"):
+        ObservationStream(Forward(factors=(lambda *_: (),)))
 
 
 # Of a heading that is stated, or told by the field, nothing looks back for half a minute.

@@ -128,13 +128,6 @@ def test_states_between_epochs_are_the_same_too(method, which, tmp_path):
     assert_same_before_cuts(estimator, flown(which), tmp_path / "estimate.csv")
 
 
-@pytest.mark.parametrize("method", [FORWARD, WINDOW], ids=lambda method: method.name)
-@pytest.mark.parametrize("which", ["demo", "satellites that rise later"])
-def test_the_chain_looks_no_further_ahead_than_gtsam(method, which, tmp_path):
-    method = replace(method, solver="chain")
-    assert_same_before_cuts(method, flown(which), tmp_path / "estimate.csv")
-
-
 def test_a_window_that_is_not_causal_does_look_ahead(tmp_path):
     """The test has teeth: hyperparameters and positions by phase come from all of the flight."""
     with pytest.raises(AssertionError, match="Not equal to tolerance"):

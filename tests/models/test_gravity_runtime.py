@@ -12,7 +12,7 @@ from fgnav.graph.custom import newest_keyframe
 from fgnav.graph.keys import Timeline, constant
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods import method_named
+from fgnav.methods import Options, method_named
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
 from fgnav.neural.calibration import calibration
@@ -152,10 +152,11 @@ def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():
 
 def test_only_methods_that_use_gravity_are_given_it():
     estimator = LowDynamics()
-    assert method_named("smoother", Truth(), estimator).gravity is estimator
+    options = Options(gravity=estimator)
+    assert method_named("smoother", Truth(), options).gravity is estimator
     assert method_named("batch", Truth()).gravity is None
-    assert method_named("closed-form", Truth(), estimator).gravity is estimator
-    assert method_named("rtk", Truth(), estimator).name == "rtk"
+    assert method_named("closed-form", Truth(), options).gravity is estimator
+    assert method_named("rtk", Truth(), options).name == "rtk"
 
 
 def test_the_command_refuses_gravity_that_no_method_uses(capsys):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from fgnav import cli
-from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
@@ -59,12 +58,6 @@ def test_a_stream_takes_the_networks_of_its_set_up(tmp_path):
         found.append(np.concatenate([part.R_nb for part in (*parts, stream.rest())]))
     np.testing.assert_array_equal(found[0], found[1])
     assert np.abs(found[0] - found[2]).max() > 1e-6
-
-
-def test_the_chain_says_that_it_takes_no_networks(flight, manifest):
-    brought = dataclasses.replace(flight, networks=(manifest,))
-    with pytest.raises(BadInputError, match="key network: solver chain takes no networks; use sol"):
-        Smoother(solver="chain", noise="stated")(brought)
 
 
 def test_run_and_compare_use_what_flight_toml_names(flight, manifest, tmp_path, capsys):

@@ -74,6 +74,6 @@ def test_a_search_that_fails_everywhere_says_why():
 
 def test_searches_begin_at_a_windows_end_and_at_the_start():
     problem, _ = flight(1.0)
-    starts = begins(problem, chain.solve_fixed_lag)
+    starts = begins(problem)
     assert len(starts) == 2
     assert starts[1] is problem.start

@@ -1,4 +1,4 @@
-"""Outages, slow motions and gyroscopes: GTSAM and the chain end in the same place."""
+"""Outages, slow motions and gyroscopes: windows converge, covariances are GTSAM's own."""
 
 from dataclasses import replace
 
@@ -6,18 +6,17 @@ import gtsam
 import numpy as np
 import pytest
 
-from fgnav.geometry.rotations import log, transpose
 from fgnav.graph import keys
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.process import matern
-from fgnav.solve import chain, fixed_lag
+from fgnav.solve import fixed_lag
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.sliding.relinearisation import MOVED_RAD
 from tests.graph.factors.motions import sine
 from tests.solve.flights import flight, sigma_ratio, sigmas_apart
 
-AGREE_RAD, AGREE_SIGMAS, AGREE_RATIO = np.radians(0.01), 0.1, 0.03
+AGREE_SIGMAS, AGREE_RATIO = 0.1, 0.03
 
 
 def with_outage(problem: SmoothingProblem, from_s: float, until_s: float) -> SmoothingProblem:
@@ -34,26 +33,7 @@ def with_outage(problem: SmoothingProblem, from_s: float, until_s: float) -> Smo
     return replace(problem, measurements=tuple(measurements), attitude_known=known)
 
 
-def assert_agree(one, other, sigmas=AGREE_SIGMAS):
-    turns = np.linalg.norm(log(transpose(one.states.R_nb) @ other.states.R_nb), axis=1)
-    sigma = np.sqrt(np.einsum("nii->n", other.covariance[:, :3, :3]))
-    assert (turns < np.maximum(AGREE_RAD, sigmas * sigma)).all()
-    assert sigmas_apart(other, one) < sigmas
-    assert sigma_ratio(other, one) < AGREE_RATIO
-
-
-@pytest.mark.parametrize("method", ["solve_fixed_lag", "solve_forward"])
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_a_flight_agrees_with_the_chain(method: str, gyroscope: bool) -> None:
-    problem, _ = flight(5.0, gyroscope=gyroscope)
-    one, other = (getattr(of, method)(problem, 2.0) for of in (fixed_lag, chain))
-    assert one.converged
-    assert other.converged
-    assert_agree(one, other)
-
-
-@pytest.mark.parametrize("method", ["solve_fixed_lag", "solve_forward"])
-def test_a_slow_motion_agrees_with_the_chain(method: str) -> None:
+def test_a_window_over_a_slow_motion_is_the_batch() -> None:
     problem, _ = flight(5.0, motion=sine(5.0, rate_radps=0.1))
     motion = replace(
         problem.motion,
@@ -61,9 +41,10 @@ def test_a_slow_motion_agrees_with_the_chain(method: str) -> None:
         variance_rad2ps2=np.full((50, 3), 1e-3),
     )
     problem = replace(problem, motion=motion)
-    one, other = (getattr(of, method)(problem, 2.0) for of in (fixed_lag, chain))
-    assert one.converged
-    assert_agree(one, other)
+    window, batch = fixed_lag.solve_fixed_lag(problem, 10.0), solve_batch(problem)
+    assert window.converged
+    assert sigmas_apart(batch, window) < AGREE_SIGMAS
+    assert sigma_ratio(batch, window) < AGREE_RATIO
 
 
 def test_a_landmark_of_another_size_changes_no_estimate() -> None:
@@ -76,19 +57,10 @@ def test_a_landmark_of_another_size_changes_no_estimate() -> None:
 @pytest.mark.parametrize("gyroscope", [False, True])
 def test_windows_wait_through_an_outage_and_converge_after_it(gyroscope: bool) -> None:
     problem = with_outage(flight(18.0, gyroscope=gyroscope)[0], 4.0, 14.0)
-    for of in (fixed_lag, chain):
-        window, forward = of.solve_fixed_lag(problem, 2.0), of.solve_forward(problem, 2.0)
-        assert window.converged
-        assert forward.converged
-        assert np.isfinite(window.covariance).all()
-
-
-def test_batch_across_an_outage_is_the_chains() -> None:
-    problem = with_outage(flight(18.0)[0], 4.0, 14.0)
-    one, other = solve_batch(problem), chain.solve_batch(problem)
-    assert one.converged
-    np.testing.assert_allclose(one.cost, other.cost, atol=1.0)
-    assert_agree(one, other)
+    window = fixed_lag.solve_fixed_lag(problem, 2.0)
+    assert window.converged
+    assert fixed_lag.solve_forward(problem, 2.0).converged
+    assert np.isfinite(window.covariance).all()
 
 
 @pytest.mark.parametrize("gyroscope", [False, True])

@@ -43,7 +43,6 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
         gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
         estimate=_words(smoother.estimate),
         factors=factors_named(smoother.factors),
-        solver=smoother.solver,
         causal=smoother.causal,
         noise=smoother.noise,
         lag_s=smoother.lag,
@@ -54,7 +53,6 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
         "--gravity": (options.gravity is not None, WITH_GRAVITY),
         "--estimate": (bool(options.estimate), SMOOTHERS),
         "--factors": (options.factors is not None, WITH_GRAVITY),
-        "--solver": (options.solver is not None, SMOOTHERS),
         "--noise": (options.noise is not None, SMOOTHERS),
         "--causal": (options.causal, ("smoother",)),
         "--lag": (options.lag_s is not None, WITH_LAG),
@@ -62,7 +60,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     for option, (is_given, taken_by) in takers.items():
         if is_given and not set(names) & set(taken_by):
             raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
-    return [method_named(name, resolver, options=options) for name in names]
+    return [method_named(name, resolver, options) for name in names]
 
 
 def factors_named(text: str) -> tuple[str, ...] | None:

@@ -71,10 +71,6 @@ class SmootherOptions:
             "default is 5."
         ),
     ] = None
-    solver: Annotated[
-        str | None,
-        Parameter(help="Who solves the smoother's graph: gtsam (its default) or chain, compiled."),
-    ] = None
     factors: Annotated[
         str,
         Parameter(

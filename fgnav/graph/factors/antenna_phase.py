@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,7 +37,6 @@ from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.kernels.compiled import kernel
-from fgnav.optional_gtsam import gtsam
 
 
 class PhaseRows(NamedTuple):

@@ -15,6 +15,7 @@ References
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -25,7 +26,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
-from fgnav.optional_gtsam import gtsam
 
 # Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
 _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]

@@ -2,11 +2,11 @@
 
 from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.optional_gtsam import gtsam
 
 _SINGULAR = 1e-12  # of two variances' ratio: of smaller ones rounding leaves no three digits
 

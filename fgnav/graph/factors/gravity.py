@@ -13,6 +13,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -25,7 +26,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
-from fgnav.optional_gtsam import gtsam
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

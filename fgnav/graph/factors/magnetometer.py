@@ -15,6 +15,7 @@ References
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -26,7 +27,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
-from fgnav.optional_gtsam import gtsam
 
 _LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 

@@ -13,6 +13,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, frozen
@@ -24,7 +25,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
-from fgnav.optional_gtsam import gtsam
 
 _NO_GYROSCOPE = np.empty((0, 3))
 _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled for

@@ -28,6 +28,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
+import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,7 +43,6 @@ from fgnav.graph.inertial.path_kernel import Intervals
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import EVERY, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.process import matern
 from fgnav.types.flight import Imu
 

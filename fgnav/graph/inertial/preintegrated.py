@@ -16,6 +16,7 @@ References
 from copy import copy
 from dataclasses import dataclass, field, replace
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
@@ -26,7 +27,6 @@ from fgnav.graph.inertial import galilean_kernel, preintegrated_kernel
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import EVERY, INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.types.flight import Imu
 
 INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed

@@ -17,7 +17,6 @@ from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
 from fgnav.methods.smoothing.observability import TURN, undetermined
-from fgnav.optional_gtsam import HAS_GTSAM
 from fgnav.types.estimate import Estimate
 
 ROUGH = "its window ended too far from where it was linearised"
@@ -68,8 +67,6 @@ def estimate_of(
     converged = solution.converged or bool(refused.any())
     if not converged:
         notes.append(f"{name} did not end at a minimum: do not use the estimate.")
-    if not HAS_GTSAM:
-        notes.append("GTSAM is not installed: the compiled chain has solved the graph.")
     notes += gap_notes(_REFUSED, spans(problem.t_s, refused))
     constants = calibrated_constants(problem.constants, solution)
     notes += map(sentence, constants)

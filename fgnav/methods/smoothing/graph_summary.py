@@ -1,4 +1,4 @@
-"""What an estimate says of its factor graph: kinds of factors, answers of networks, the solver."""
+"""What an estimate says of its factor graph: kinds of factors, answers of networks."""
 
 from collections import Counter
 
@@ -33,7 +33,6 @@ def graph_summary(
         others = {one.reason: one.count for one in integers.losses if one.what == HANDED_OVER}
         networks[TRUST] = {"answered": len(integers.fixed) - sum(others.values())} | others
     return GraphSummary(
-        solver=solution.solver,
         updates=solution.updates,
         factors=factors | dict(custom),
         networks=networks,

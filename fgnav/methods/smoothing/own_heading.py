@@ -7,6 +7,7 @@ of Jacobian J, whitened, determines that angle with the 1-sigma ``1 / |J R_nb' e
 from collections.abc import Sequence
 from dataclasses import replace
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -16,7 +17,6 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import OwnFactor
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
-from fgnav.optional_gtsam import gtsam
 
 _DETERMINED_RAD = np.radians(15.0)  # 1-sigma at most: sin x = x within 1.2 %
 _HEADINGS = 36  # tried: one is within 5 degrees of the best

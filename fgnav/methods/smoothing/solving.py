@@ -1,7 +1,7 @@
 """A prepared flight through the solvers: by a window, by its newest state, at once."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,54 +24,38 @@ if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
     from fgnav.solve.minima import Minimum
 
-Solver: TypeAlias = Literal["gtsam", "chain"]
-
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
 _MISFIT = 1.5
 _ROUGHLY = 40  # iterations about a heading that is but one of several
 
 
-def by_window(
-    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
-) -> Solution:
+def by_window(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", lag_s: float) -> Solution:
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
+    from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
+
     problem, keep, added = prepared.windowed, False, None
     if not prepared.causal and is_known_late(prepared):
         problem, added = _at_batch(prepared, custom)
         keep = True
-    opening = prepared.opening
-    if solver == "chain":
-        from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-
-        solution = chain.solve_fixed_lag(problem, lag_s, keep_linearisation=keep, opening=opening)
-    else:
-        from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
-
-        solution = solve_fixed_lag(
-            problem, lag_s, own=custom, keep_linearisation=keep, opening=opening
-        )
+    solution = solve_fixed_lag(
+        problem, lag_s, own=custom, keep_linearisation=keep, opening=prepared.opening
+    )
     if added is None:
         return solution
     return replace(solution, covariance=solution.covariance + added)
 
 
-def by_newest(
-    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver, lag_s: float
-) -> Solution:
+def by_newest(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", lag_s: float) -> Solution:
     """Return each keyframe as known from the data up to it."""
-    if solver == "chain":
-        from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-
-        return chain.solve_forward(prepared.windowed, lag_s, opening=prepared.opening)
     from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
     return solve_forward(prepared.windowed, lag_s, own=custom, opening=prepared.opening)
 
 
-def at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
+def at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> Solution:
     """Return each keyframe as known from all data."""
-    return _ended(prepared, custom, solver).solution
+    return _ended(prepared, custom).solution
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
@@ -109,7 +93,7 @@ def _at_batch(
     prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]"
 ) -> tuple[SmoothingProblem, FloatArray | None]:
     """Return the problem, started where the batch has the flight, and what other headings add."""
-    end = _ended(prepared, custom, "chain" if not custom else "gtsam")
+    end = _ended(prepared, custom)
     if without_attitudes(prepared) and not end.solution.converged:
         raise NoSolutionError(
             f"attitude: the {TURN} is left open: the batch, where windows are linearised, ends in "
@@ -125,16 +109,16 @@ def _at_batch(
     return problem, end.added
 
 
-def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> _End:
+def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> _End:
     """Return the end of a batch; its minimum counts only where it explains the measurements.
 
     That is asked where nothing measures attitudes: there the search may end anywhere.
     """
     problem, opening = prepared.problem, _open(prepared)
     if opening is None:
-        end = _End(_at_once(prepared, custom, solver), problem)
+        end = _End(_at_once(prepared, custom), problem)
     else:
-        end = _about_headings(problem, opening, custom, solver)
+        end = _about_headings(problem, opening, custom)
     if not without_attitudes(prepared):
         return end
     measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
@@ -168,15 +152,12 @@ def _open(prepared: PreparedFlight) -> Opening | None:
     )
 
 
-def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", solver: Solver) -> Solution:
-    problem, is_open = prepared.problem, without_attitudes(prepared)
-    if solver == "chain" or is_open:
-        # Its descent crosses the curved valleys of such flights; GTSAM's stops in them.
+def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> Solution:
+    problem = prepared.problem
+    if without_attitudes(prepared):
+        # The chain's descent crosses the curved valleys of such flights; GTSAM's stops in them.
         from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-        from fgnav.solve.minima import begins, minima, mixture  # noqa: PLC0415
 
-        if not is_open:
-            return mixture(minima(problem, begins(problem, chain.solve_fixed_lag)))
         solution = chain.solve_batch(problem)
         return _with_custom(problem, custom, solution) if custom else solution
     from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
@@ -194,7 +175,7 @@ def _with_custom(
 
 
 def _about_headings(
-    problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]", solver: Solver
+    problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]"
 ) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
@@ -212,10 +193,10 @@ def _about_headings(
     headings = over_headings(problem, opening, searched)
     begin, is_observable = headings.ends[0].solution, headings.is_observable
     likeliest = problem if is_observable else headings.problems[0]
-    if solver == "chain" or not custom:
-        solution = chain.solve_batch(likeliest, begin=begin.states)
-    else:
+    if custom:
         solution = _with_custom(likeliest, custom, begin)
+    else:
+        solution = chain.solve_batch(likeliest, begin=begin.states)
     if is_observable:
         return _End(solution, likeliest)
     mixed = headings.mixed(solution)

@@ -5,6 +5,7 @@ Whatever takes too long or too much ends the process, within any node of the gra
 """
 
 import os
+import resource
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -53,13 +54,10 @@ def main() -> None:
 
 
 def _bound_memory() -> None:
-    """Limit this process' data, where the system can, and what all nodes hold at a time."""
+    """Limit this process' data, and what all nodes hold at a time."""
     import onnxruntime  # noqa: PLC0415  # heavy
 
-    with suppress(ImportError):  # of Windows
-        import resource  # noqa: PLC0415  # as above
-
-        resource.setrlimit(resource.RLIMIT_DATA, (_DATA_BYTES, _DATA_BYTES))
+    resource.setrlimit(resource.RLIMIT_DATA, (_DATA_BYTES, _DATA_BYTES))
     kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
     info = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, onnxruntime.OrtMemType.DEFAULT)
     onnxruntime.create_and_register_allocator(

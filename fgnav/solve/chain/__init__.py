@@ -1,16 +1,8 @@
-"""The compiled chain: a smoothing problem solved by block elimination, behind GTSAM's functions.
+"""A smoothing problem by compiled block elimination: evidence, covariances, where GTSAM begins.
 
 It owns the elimination; models of sensors and motion are read through ``linearise`` alone.
 """
 
 from fgnav.solve.chain.batch import covariance_at, log_evidence, solve_batch
-from fgnav.solve.chain.window import ChainWindow, solve_fixed_lag, solve_forward
 
-__all__ = [
-    "ChainWindow",
-    "covariance_at",
-    "log_evidence",
-    "solve_batch",
-    "solve_fixed_lag",
-    "solve_forward",
-]
+__all__ = ["covariance_at", "log_evidence", "solve_batch"]

@@ -21,7 +21,6 @@ class WindowArrays(NamedTuple):
     forward: FloatArray
     root: FloatArray
     gain: FloatArray
-    steps: FloatArray  # (n, D), from there to the estimates
 
     @classmethod
     def empty(cls, n: int, width: int, constants: int, beside: int = 0) -> "WindowArrays":
@@ -38,7 +37,6 @@ class WindowArrays(NamedTuple):
             (W, W),
             (D, D),
             (D, W),
-            (D,),
         )
         return cls._make(np.zeros((n, *shape)) for shape in shapes)
 
@@ -65,7 +63,6 @@ class WindowArrays(NamedTuple):
         return States(self.R_nb, self.p_n_m, self.v_n_mps, self.aux, constants)
 
     def place(self, rows: IntArray | slice, states: States) -> None:
-        """Set where some keyframes are linearised; their estimates are there, too."""
+        """Set where some keyframes are linearised."""
         for mine, its in zip(self[1:5], states[:4], strict=True):
             mine[rows] = its
-        self.steps[rows] = 0.0

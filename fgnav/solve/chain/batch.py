@@ -285,7 +285,6 @@ def _solution(
         constant_cross=shared,
         converged=converged,
         cost=linear.least if converged else linear.cost,
-        solver="chain",
         updates=iterations,
     )
 

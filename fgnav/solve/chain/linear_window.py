@@ -1,9 +1,10 @@
-"""The newest keyframes of a flight, linearised and eliminated: what every window rests on.
+"""The newest keyframes of a flight, linearised and eliminated beside GTSAM's window.
 
 What leaves stays as forward information of the oldest keyframe that remains: marginalisation is
 exact up to its linearisation, and the window does not grow.
 """
 
+import gtsam
 import numpy as np
 from scipy.linalg import solve_triangular
 
@@ -12,12 +13,10 @@ from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain import back_kernel
 from fgnav.solve.chain.arcs import Border
 from fgnav.solve.chain.arrays import WindowArrays
 from fgnav.solve.chain.linear import Links, linearise
-from fgnav.solve.failures import weakest_state
 from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.relinearisation import has_gyroscope
 from fgnav.solve.unary import add_unary
@@ -130,7 +129,7 @@ class LinearWindow:
             If squares have not digits enough.
         """
         forward = self.rows.forward[0]
-        size = len(self.rows.steps[0]) + len(self.constants) + self.arcs_size(self.row_of_arcs)
+        size = len(self.rows.root[0]) + len(self.constants) + self.arcs_size(self.row_of_arcs)
         try:
             R = np.linalg.cholesky(forward[:size, :size], upper=True)
         except np.linalg.LinAlgError as error:
@@ -143,7 +142,7 @@ class LinearWindow:
         Raises
         ------
         NoSolutionError
-            Naming the state that the data leave open, and when.
+            If the data leave a state open, or squares have not digits enough; GTSAM names it.
         """
         if not self._changed.any():
             return
@@ -154,19 +153,11 @@ class LinearWindow:
         if first == 0 and not self.oldest:
             rows.forward[0] = rows.node[0]
             self._border.begin(rows.forward[0])
-        if self._eliminated(rows, first, by_rows=False) >= 0:
-            failed = self._eliminated(rows, 0, by_rows=True)
-            if failed >= 0:
-                constants = self._sources[failed][0].constants
-                raise weakest_state(
-                    rows.forward[failed], rows.steps.shape[1], constants, float(rows.t_s[failed])
-                )
+        if not (
+            self._eliminated(rows, first, by_rows=False) or self._eliminated(rows, 0, by_rows=True)
+        ):
+            raise NoSolutionError("window: the data leave a state open")
         self._changed[:] = False
-
-    def substitute(self) -> FloatArray:
-        """Return the steps of all keyframes to their estimates, (n, D)."""
-        self._border.substitute(self.rows.gain, self.end, self.rows.steps)
-        return self.rows.steps
 
     def marginals(self, begin: int, end: int) -> Marginals:
         """Return covariances of keyframes begin to end - 1, counted from the oldest."""
@@ -177,11 +168,6 @@ class LinearWindow:
         constant = self._end_covariance[D : D + b, D : D + b].copy()
         covariance, cross, shared = out if m == n else (one[:m].copy() for one in out)
         return Marginals(covariance, cross, constant, shared)
-
-    def turn_sigma_rad(self, row: int) -> float:
-        """Return the 1-sigma of a keyframe's rotation, counted from the oldest, all axes."""
-        rotation = self.marginals(row, row + 1).covariance[0, ROTATION, ROTATION]
-        return float(np.sqrt(np.trace(rotation)))
 
     def forget(self, count: int) -> None:
         """Take the oldest keyframes out; what they tell of the next one stays."""
@@ -231,16 +217,15 @@ class LinearWindow:
             of_rows = {number: number - self.oldest for number in own}
             add_unary(own, Layout.of(self._sources[-1][0]), of_rows, states, links.node)
 
-    def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> int:
-        """Solve for the newest keyframe and the constants; return the first that is open, or -1."""
+    def _eliminated(self, rows: WindowArrays, first: int, *, by_rows: bool) -> bool:
+        """Solve for the newest keyframe and the constants; return whether all are determined."""
         rows = rows.between(0, len(self))
         parts = (rows.motion, rows.node, rows.forward, rows.root, rows.gain)
-        failed = self._border.eliminate(parts, first, by_rows=by_rows)
-        if failed >= 0:
-            return failed
+        if self._border.eliminate(parts, first, by_rows=by_rows) >= 0:
+            return False
         self._end_covariance = np.empty((len(self.end), len(self.end)))
         least = back_kernel.newest(rows.forward[-1], self._end_covariance, self.end)
-        return -1 if np.isfinite(least) else len(self) - 1
+        return bool(np.isfinite(least))
 
 
 def _lead_bias(

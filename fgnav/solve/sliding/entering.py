@@ -7,6 +7,7 @@ marginal for a prior, which ``LinearWindow.relinearise`` has led there.
 
 from typing import NamedTuple
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
@@ -22,7 +23,6 @@ from fgnav.graph.build import (
 )
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, VELOCITY, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain.linear_window import LinearWindow
 from fgnav.solve.sliding.incremental import IncrementalSmoother
 

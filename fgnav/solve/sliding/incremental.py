@@ -18,13 +18,13 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 from collections.abc import Callable, Iterable
 from typing import SupportsFloat, SupportsIndex, SupportsInt
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX, ROTATION
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.failures import open_state
 from fgnav.solve.marginals import Marginals
 

@@ -1,7 +1,7 @@
 """Which states a window linearises anew, and which estimates are too far from there.
 
-One rule for GTSAM's smoother and for the chain. Constants stay where they are: one shared variable
-relinearised has the whole window eliminated anew.
+Constants stay where they are: one shared variable relinearised has the whole window eliminated
+anew.
 """
 
 import numpy as np

@@ -10,6 +10,7 @@ beside them ISAM2 is asked of all.
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
@@ -17,7 +18,6 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import ROTATION, States
-from fgnav.optional_gtsam import gtsam
 from fgnav.solve.chain.linear_window import LinearWindow
 from fgnav.solve.failures import in_words
 from fgnav.solve.sliding.departed import Departed, departed
@@ -337,6 +337,5 @@ class FixedLag:
             self._steps[first:end],
             marginals,
             keep_linearisation=self._keep,
-            solver="gtsam.IncrementalFixedLagSmoother",
             updates=self._updates,
         )

@@ -13,6 +13,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -22,7 +23,6 @@ from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
-from fgnav.optional_gtsam import gtsam
 
 NAME = "aerodynamic angles"
 WIND = "wind"  # the constant w, north and east

@@ -12,6 +12,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -21,7 +22,6 @@ from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import RATE, ROTATION, States
-from fgnav.optional_gtsam import gtsam
 
 NAME = "resting rate"
 

@@ -11,6 +11,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -18,7 +19,6 @@ from fgnav.graph import keys
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import VELOCITY, States
-from fgnav.optional_gtsam import gtsam
 
 NAME = "standstill"
 

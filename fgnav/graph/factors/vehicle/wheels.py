@@ -14,6 +14,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, frozen, positive
@@ -24,7 +25,6 @@ from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
-from fgnav.optional_gtsam import gtsam
 
 NAME = "wheels"
 AXES = "wheels' axes"  # the constant c, of c_y and c_z

@@ -71,7 +71,7 @@ def training_flight(
             "accelerometer; put the body's origin there, or judge attitudes alone"
         )
     prepared, sourced = own_factors(method.factors or (), flight, method.prepare(flight))
-    solution = at_once(prepared, sourced.factors, "gtsam" if sourced.factors else "chain")
+    solution = at_once(prepared, sourced.factors)
     states, t_s = solution.states, prepared.problem.t_s
     R_nb, covered = attitude_at(truth, t_s)
     row = np.flatnonzero(covered)
