@@ -13,6 +13,7 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
@@ -23,7 +24,6 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.measurement import Linearised, OfSensor
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
-from fgnav.optional_gtsam import gtsam
 
 _LEVEL = 1e-6  # square of the level part of a baseline over its own, below which it has no heading
 
