@@ -19,7 +19,7 @@ WRONG = {
     "unit": (("inputs", 0, "unit"), "deg/s", r"inputs\[0\].unit: must be rad/s, the unit of a fl"),
     "frame": (("inputs", 0, "frame"), "n", r"inputs\[0\].frame: must be b, the frame of a fli"),
     "negative rate": (("inputs", 0, "rate_hz"), -1.0, r"inputs\[0\].rate_hz: must be float >= 0.0"),
-    "no window": (("inputs", 0, "window"), 0, r"inputs\[0\]\.window: Expected `int` >= 1"),
+    "no window": (("inputs", 0, "window"), 0, r"inputs\[0\]\.window: must be int >= 1, got 0"),
     "window of another length": (("inputs", 0, "window"), 7, r"inputs\[0\].window: 'x' takes"),
     "channels": (("inputs", 0, "mean"), [0.0], r"inputs\[0\].mean: must have 3 entries, one per"),
     "scale of zero": (("inputs", 0, "scale"), [1.0, 0.0, 1.0], r"inputs\[0\].scale\[1\]: must be"),
