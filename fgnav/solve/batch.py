@@ -155,6 +155,7 @@ def _newton(problem: SmoothingProblem, graph: gtsam.NonlinearFactorGraph, begin:
         constant_cross=marginals.constant_cross,
         converged=is_least,
         cost=cost,
+        solver="gtsam.LevenbergMarquardtOptimizer",
         updates=count,
     )
     return Minimum(solution, -cost / 2 - linear.log_root)

@@ -103,10 +103,12 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraphSummary:
-    """What the factor graph of an estimate was made of.
+    """What the factor graph of an estimate was made of, and who solved it.
 
     Attributes
     ----------
+    solver : str
+        ``"gtsam.IncrementalFixedLagSmoother"``.
     updates : int
         Of GTSAM's window, or iterations of a batch.
     factors : dict of str to int
@@ -115,14 +117,15 @@ class GraphSummary:
         How often each network answered (``"answered"``), and why it did not otherwise.
     """
 
+    solver: str
     updates: int
     factors: dict[str, int]
     networks: dict[str, dict[str, int]] = field(default_factory=dict)
 
     def __str__(self) -> str:
-        """Return the kinds with their counts, and the updates."""
+        """Return the kinds with their counts, and the solver."""
         kinds = ", ".join(f"{count} {name}" for name, count in self.factors.items())
-        return f"{kinds}; {self.updates} updates"
+        return f"{kinds}; {self.solver}, {self.updates} updates"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,8 @@ class Solution:
         States of a window that did not; None: none.
     cost : float
         Sum of all whitened residuals squared; NaN of what is not one minimum.
+    solver : str
+        Who found it.
     updates : int
         Updates of GTSAM's smoother, or iterations of a batch.
     """
@@ -43,6 +45,7 @@ class Solution:
     converged: bool
     constants: FloatArray | None = None
     cost: float = float("nan")
+    solver: str = ""
     updates: int = 0
     refused: BoolArray | None = None
 
@@ -57,6 +60,7 @@ class Solution:
             converged=self.converged,
             constants=None if self.constants is None else self.constants[rows],
             cost=self.cost,
+            solver=self.solver,
             updates=self.updates,
             refused=None if self.refused is None else self.refused[rows],
         )

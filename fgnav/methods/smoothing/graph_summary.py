@@ -33,6 +33,7 @@ def graph_summary(
         others = {one.reason: one.count for one in integers.losses if one.what == HANDED_OVER}
         networks[TRUST] = {"answered": len(integers.fixed) - sum(others.values())} | others
     return GraphSummary(
+        solver=solution.solver,
         updates=solution.updates,
         factors=factors | dict(custom),
         networks=networks,

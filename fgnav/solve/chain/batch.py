@@ -285,6 +285,7 @@ def _solution(
         constant_cross=shared,
         converged=converged,
         cost=linear.least if converged else linear.cost,
+        solver="descent by block elimination",
         updates=iterations,
     )
 

@@ -55,6 +55,7 @@ def departed(
         converged=not rough.any(),
         refused=rough,
         constants=np.tile(states.constants, (len(t_s), 1)),
+        solver="gtsam.IncrementalFixedLagSmoother",
         updates=updates,
     )
     return Departed(t_s=t_s.copy(), solution=solution, cross_next=marginals.cross[-1])
@@ -129,5 +130,6 @@ def joined_solution(parts: list[Departed]) -> Solution:
         converged=all(one.converged for one in of),
         refused=np.concatenate([one.refused for one in of if one.refused is not None]),
         constants=np.concatenate([one.constants for one in of if one.constants is not None]),
+        solver=of[-1].solver,
         updates=of[-1].updates,
     )

@@ -44,9 +44,13 @@ _NEARLY_ALL = 1.0 - 1e-9  # of a probability: arcs choose by what the network st
 
 
 def network_arcs() -> Arcs:
-    """Integers from slip to slip: of each arc those of the epoch that the network trusts most."""
+    """Integers from slip to slip: of each arc those of the epoch that the network trusts most.
+
+    Of a pair of antennas the network trusts few epochs, which ``constrained`` fixes rightly.
+    """
     fallback = Constrained(wrong_max=None, estimate_noise=False)
-    return Arcs(inner=Network(wrong_max=_NEARLY_ALL, fallback=fallback), prepare=noise_as_shown)
+    inner = Network(wrong_max=_NEARLY_ALL, fallback=fallback, fewest_antennas=3)
+    return Arcs(inner=inner, prepare=noise_as_shown)
 
 
 class Trust(NamedTuple):
@@ -70,6 +74,7 @@ class Network:
     wrong_max: float = 1e-3
     model: str = "trust"  # a released network, or the path of a manifest
     fallback: Constrained = field(default_factory=Constrained)
+    fewest_antennas: int = 2  # of an array; epochs of smaller ones go to ``fallback``
     causal: bool = False  # each epoch by epochs up to it alone, as ``fallback`` then is
 
     def __post_init__(self) -> None:
@@ -100,6 +105,8 @@ class Network:
             estimated = with_noise_so_far if self.causal else with_estimated_noise
             differences = estimated(differences, self.fallback.nodes)
         outside = outside_domain(differences, network.manifest.domain)
+        if differences.phase_m.shape[1] + 1 < self.fewest_antennas:
+            outside = (f"fewer than {self.fewest_antennas} antennas",) * len(outside)
         out = np.array([bool(text) for text in outside], dtype=np.bool_)
         if out.all():
             return self._beyond(differences, flight, outside)
