@@ -17,6 +17,7 @@ from fgnav.noise.satellite_errors import (
     satellite_error_factors,
     with_errors,
 )
+from fgnav.types.flight import GnssNoise
 from tests.gnss.based import flown
 
 SIZE, WALK, RATE, CODE, PHASE = ERRORS
@@ -73,7 +74,10 @@ def test_errors_as_stated_stay_near_the_nominal(seed):
 
 
 def test_perfect_messages_are_believed_no_further_than_one_prior_sigma():
-    found = satellite_error_factors(phases(93_010))
+    usual = GnssNoise()
+    names = ("message_errors", "satellite_error_rate_mps", "satellite_error_walk_m_per_sqrt_s")
+    stated = {name: getattr(usual, name) for name in names}
+    found = satellite_error_factors(phases(93_010, stated=stated))
     assert SIZE not in found
     assert CODE not in found
     assert 1 / 3 <= found[WALK] < 0.4
