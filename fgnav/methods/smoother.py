@@ -253,9 +253,29 @@ class Smoother:
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
     ) -> Estimate:
-        sources, refusals = self.factors or (), tuple[str, ...]()
-        if self.factors is None:
-            sources, refusals = default_networks(flight)
+        if self.factors is not None or self.gravity is not None:
+            return self._with_factors(self.factors or (), flight, prepared, rows)
+        networks, notes = default_networks(flight, causal=self.causal)
+        if networks:
+            try:
+                estimate = self._with_factors(networks, flight, prepared, rows)
+            except NoSolutionError:
+                if self.causal:
+                    raise
+            else:
+                if estimate.converged or self.causal:
+                    return estimate
+            notes = ("Networks are not used: with them the search ends at no minimum.",)
+        estimate = self._with_factors((), flight, prepared, rows)
+        return replace(estimate, notes=(*estimate.notes, *notes))
+
+    def _with_factors(
+        self,
+        sources: "tuple[FactorSource | str, ...]",
+        flight: Flight,
+        prepared: PreparedFlight,
+        rows: np.ndarray | None,
+    ) -> Estimate:
         prepared, sourced = own_factors(sources, flight, prepared)
         own = sourced.factors
         if own:
@@ -276,7 +296,7 @@ class Smoother:
             verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
             graph=graph_summary(prepared.problem, sourced, solution, prepared.integers),
             losses=(*estimate.losses, *sourced.losses),
-            notes=(*estimate.notes, *sourced.notes, *refusals),
+            notes=(*estimate.notes, *sourced.notes),
         )
 
     def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
