@@ -37,9 +37,9 @@ demo: $(RUN)
 	rm -rf demo
 	mkdir -p demo
 	$(BIN)/fgnav simulate paper --seed 1 --out demo/flight
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method closed-form,rtk,smoother \
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --factors gravity --method closed-form,rtk,smoother \
 	  --out demo --json demo/compare.json --report demo/report.png
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --method smoother \
+	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --factors gravity --method smoother \
 	  --without baselines,gravity,line-of-sight,vehicle --json demo/worth.json
 
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests

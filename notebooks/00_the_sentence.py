@@ -44,7 +44,7 @@ flight
 
 # %%
 network = resolver_named("network")
-smoother = fgnav.Smoother(resolver=network, noise="stated")
+smoother = fgnav.Smoother(resolver=network, factors=("gravity",), noise="stated")
 estimate = smoother(flight)
 print(estimate.graph)
 for name, answers in estimate.graph.networks.items():
@@ -56,7 +56,12 @@ for name, answers in estimate.graph.networks.items():
 # %%
 kinds = ("baselines", "gravity", "line-of-sight")
 ablated = [restricted(f"smoother without {kind}", smoother, (kind,)) for kind in kinds]
-methods = [ClosedForm(resolver=network), Rtk(resolver=network), smoother, *ablated]
+methods = [
+    ClosedForm(resolver=network, factors=("gravity",)),
+    Rtk(resolver=network),
+    smoother,
+    *ablated,
+]
 for method in fgnav.compare(flight, methods).methods:
     score = method.score
     print(f"{method.name:30} {score.attitude_rmse_deg:7.3f} deg, {score.available:4.0%} of epochs")

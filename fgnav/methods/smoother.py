@@ -63,7 +63,7 @@ class Smoother:
         Sources of custom factors: callables ``(flight, timeline)`` that yield GTSAM factors, names
         of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
         see ``graph.custom``. None: the gravity network, where neither a gyroscope nor an array
-        measures the attitude throughout (``smoothing.default_networks``).
+        measures the attitude (``smoothing.default_networks``).
     rate_prior : RatePrior or None
         Of flights without a gyroscope; None: identified by the evidence of the array's attitudes.
     sub_steps : int or None
@@ -255,7 +255,7 @@ class Smoother:
     ) -> Estimate:
         if self.factors is not None or self.gravity is not None:
             return self._with_factors(self.factors or (), flight, prepared, rows)
-        networks, notes = default_networks(flight, causal=self.causal)
+        networks, notes = default_networks(flight)
         if networks:
             try:
                 estimate = self._with_factors(networks, flight, prepared, rows)
