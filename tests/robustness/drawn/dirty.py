@@ -37,4 +37,4 @@ def _has(flight: Flight, sensor: str) -> bool:
         return flight.imu is not None and flight.imu.w_b_radps is not None
     if sensor == "array":
         return len(flight.antennas) > 1
-    return getattr(flight, sensor) is not None
+    return getattr(flight, sensor) not in (None, ())
