@@ -14,7 +14,7 @@ from fgnav.checks import FloatArray
 from fgnav.gnss.orbits.satellites import angles, signal_paths
 from fgnav.gnss.signals import wavelengths_m
 from fgnav.gnss.single_point.model import atmosphere_m, code_channels, code_ranges
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, GnssNoise
 from fgnav.types.observations import Observations
 
 
@@ -23,7 +23,8 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
 
     Drawn with the standard deviation that estimators will expect of it in the middle of the flight;
     the same at all antennas and at the base. It moves from there at a constant rate and in a random
-    walk, of the sizes that the flight states (``flight.gnss_noise``).
+    walk, of the sizes that the flight states (``flight.gnss_noise``); one that stated to have none
+    states the usual ones from then on.
 
     Parameters
     ----------
@@ -33,6 +34,15 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     observations = flight.observations
     if observations is None:
         return flight
+    if not flight.gnss_noise.message_errors:
+        usual = GnssNoise()
+        noise = replace(
+            flight.gnss_noise,
+            message_errors=True,
+            satellite_error_rate_mps=usual.satellite_error_rate_mps,
+            satellite_error_walk_m_per_sqrt_s=usual.satellite_error_walk_m_per_sqrt_s,
+        )
+        flight = replace(flight, gnss_noise=noise)
     channels = code_channels(observations, 0)
     middle = np.array([len(observations.t_s) // 2])
     ranges = code_ranges(flight, observations, channels, 0, middle)
