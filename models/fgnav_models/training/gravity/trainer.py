@@ -1,11 +1,13 @@
 """Recipes of kind ``gravity``: the source paper's networks, and those that are released."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import msgspec
 import numpy as np
 import torch
 
+from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.calibration import calibration
@@ -206,10 +208,10 @@ def _release(
         name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, row])
         for row, name in enumerate(SCENARIOS)
     }
-    bodies = {
-        name: calibration(manifest, [(one, {}) for one in flights])
-        for name, flights in judged.items()
-    }
+    bodies = {}
+    for name, flights in judged.items():
+        with suppress(BadInputError):  # of flights of which it answers fewer than three windows
+            bodies[name] = calibration(manifest, [(one, {}) for one in flights])
     notes = {
         "By kind of flight": table,
         "As a factor, on flights of the world and of the simulator's scenarios": calibrated(bodies),
