@@ -66,7 +66,7 @@ def with_sensed(case, sensed, parts):
         float_stretch=np.full(n, -1),
         shape=None,
         antennas=(),
-        position=case.position,
+        positions=(case.position,),
         velocities=() if case.velocity is None else (case.velocity,),
         sensed=sensed,
         gravity_n_mps2=case.problem.motion.gravity_n_mps2,
