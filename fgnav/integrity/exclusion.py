@@ -112,7 +112,7 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
                 what=name, link=name, from_s=span[0], until_s=span[1], reason=reason
             )
             verdict = replace(worst[0], sensor=name, from_s=span[0], until_s=span[1])
-            yield Exclusion(_without(flight, kind), (rejected,), (verdict,))
+            yield Exclusion(_flight_without(flight, kind), (rejected,), (verdict,))
 
 
 def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight | None:
@@ -127,7 +127,7 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
         records = _records(flight, kind)
         rows = {name: _inside(one.t_s, spans) for name, one in records.items()}
         if np.concatenate(list(rows.values())).mean() > _THROUGHOUT:
-            return _without(flight, kind) if sensor in INSTRUMENTS else None
+            return _flight_without(flight, kind) if sensor in INSTRUMENTS else None
         if sensor == "velocity":  # positions stay
             return replace(
                 flight, fixes=tuple(_without_velocity(one, spans) for one in flight.fixes)
@@ -149,7 +149,7 @@ def _records(flight: Flight, kind: str) -> dict[str, Samples]:
     return {name: one for name, one in flight.records.items() if name.split()[0] == kind}
 
 
-def _without(flight: Flight, kind: str) -> Flight:
+def _flight_without(flight: Flight, kind: str) -> Flight:
     gone = _records(flight, kind)
     return flight.with_records({n: one for n, one in flight.records.items() if n not in gone})
 

@@ -110,7 +110,10 @@ def quality_lines(comparison: Comparison) -> list[str]:
     """Return lines on how well each method knows a flight: medians of 1σ, errors, open heading."""
     lines = []
     for method in comparison.solved:
-        kinds = {"1σ (median)": _stated(method.score), "RMS errors": _errors(method.score)}
+        kinds = {
+            "1σ (median)": _stated_uncertainty(method.score),
+            "RMS errors": _errors(method.score),
+        }
         lines += [f"{method.name}: {kind}: {', '.join(of)}" for kind, of in kinds.items() if of]
         spans_s = [] if method.estimate is None else open_heading_spans_s(method.estimate)
         if spans_s:
@@ -121,7 +124,7 @@ def quality_lines(comparison: Comparison) -> list[str]:
     return lines
 
 
-def _stated(score: Score) -> list[str]:
+def _stated_uncertainty(score: Score) -> list[str]:
     """Return medians of 1-sigma as stated, each with its name and unit."""
     of = score.sigmas
     figures = [(name, getattr(of.euler_deg, name), "deg") for name in EULER]

@@ -43,9 +43,9 @@ def airflow(vehicle: FinnedVehicle, t_s: FloatArray, v_n_mps: FloatArray) -> Air
     fast = np.isfinite(speed_mps) & (speed_mps * _WIDEST_RAD > air_mps)
     between_s = interval_s(vehicle.half_life_s)
     row = _apart(t_s, np.flatnonzero(fast), between_s)
-    new = (1.0 - vehicle.constant_share) * inflation(vehicle.half_life_s, between_s)
     crossflow_rad = vehicle.crossflow_sigma_mps / speed_mps[row]
-    sigma_rad = np.sqrt(new * (angles_rad**2 + crossflow_rad[:, None] ** 2))
+    varying_rad2 = (1.0 - vehicle.constant_share) * angles_rad**2 + crossflow_rad[:, None] ** 2
+    sigma_rad = np.sqrt(inflation(vehicle.half_life_s, between_s) * varying_rad2)
     mean_sigma_rad = np.sqrt(vehicle.constant_share) * angles_rad
     return Airflow(
         row=row,

@@ -104,7 +104,7 @@ def to_broadcast(
     records = np.zeros(0, EPHEMERIS_DTYPE)
     if messages:
         records, fits = _records(messages, start_gps_s)
-        possible = _possible(records) & fits
+        possible = _physically_possible(records) & fits
         counts[what, "impossible orbit or time"] += int((~possible).sum())
         records, repeated = _each_once(records[possible])
         counts[what, "repeated"] += repeated
@@ -240,7 +240,7 @@ def _nearest_s(second_of_week: FloatArray, near_s: FloatArray) -> FloatArray:
     return np.asarray(near_s + (second_of_week - near_s + WEEK_S / 2) % WEEK_S - WEEK_S / 2)
 
 
-def _possible(records: NDArray[Any]) -> NDArray[np.bool_]:
+def _physically_possible(records: NDArray[Any]) -> NDArray[np.bool_]:
     """Tell which messages describe an Earth orbit, with a clock of about the same time."""
     a, e = records["semi_major_axis_m"], records["eccentricity"]
     orbit = (a > 1e7) & (a < 1e8) & (e >= 0) & (e < 0.5)
