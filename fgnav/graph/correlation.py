@@ -11,6 +11,7 @@ from fgnav.checks import FloatArray
 
 _SIGMAS = 4.0  # of a correlation of white noise, 1 / sqrt(k): 3e-5
 SHOWN_BY = _SIGMAS**2  # samples: of fewer not even a correlation of 1 is significant
+_SAME = 1e-6  # of an interval: times are rounded
 HALF_LIVES = 2.0  # between errors of a process that are counted as nearly independent
 _LAGS = 0.25  # of a series: of longer ones there are too few pairs [1], section 2.1.5
 
@@ -56,3 +57,12 @@ def inflation(half_life_s: float, between_s: float) -> float:
         return 1.0
     rho = 2.0 ** (-between_s / half_life_s)
     return float((1 + rho) / (1 - rho))
+
+
+def apart(t_s: FloatArray, between_s: float, first: int = 0) -> list[int]:
+    """Return which of some times, (n,), are an interval apart, or more, from a first one on."""
+    rows, row = list[int](), first
+    while row < len(t_s):
+        rows.append(row)
+        row = max(row + 1, int(np.searchsorted(t_s, t_s[row] + between_s * (1 - _SAME))))
+    return rows

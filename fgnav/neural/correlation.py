@@ -29,7 +29,7 @@ from typing import TypeAlias
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.correlation import HALF_LIVES, inflation
+from fgnav.graph.correlation import HALF_LIVES, apart, inflation
 
 Errors: TypeAlias = tuple[FloatArray, FloatArray]
 
@@ -63,7 +63,7 @@ def together(
     for t_s, error in flights:
         starts = np.flatnonzero(t_s <= t_s[0] + between_s * (1 - _SAME))
         for start in starts.tolist():
-            rows = _apart(t_s, start, between_s)
+            rows = apart(t_s, between_s, start)
             expected = lasting + new / len(rows)
             squares.append((error[rows].mean(axis=0) ** 2).mean() / expected)
             weights.append(1 / len(starts))
@@ -93,15 +93,6 @@ def lasting_share(flights: Sequence[Errors]) -> float:
     share = plateau.mean() / variance.mean()
     spread = (plateau - share * variance).std(ddof=1) / np.sqrt(len(plateau)) / variance.mean()
     return float(share.clip(0.0, _MOST_LASTING)) if share > 2 * spread else 0.0
-
-
-def _apart(t_s: FloatArray, row: int, between_s: float) -> list[int]:
-    """Return answers an interval apart, or more, from a first one."""
-    rows = []
-    while row < len(t_s):
-        rows.append(row)
-        row = max(row + 1, int(np.searchsorted(t_s, t_s[row] + between_s * (1 - _SAME))))
-    return rows
 
 
 def half_life_s(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.correlation import inflation, interval_s
+from fgnav.graph.correlation import apart, inflation, interval_s
 from fgnav.graph.factors.vehicle.aerodynamic_angles import MEAN, WIND
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.vehicle import FinnedVehicle
@@ -42,7 +42,8 @@ def airflow(vehicle: FinnedVehicle, t_s: FloatArray, v_n_mps: FloatArray) -> Air
     air_mps = np.hypot(vehicle.wind_sigma_mps, vehicle.crossflow_sigma_mps)
     fast = np.isfinite(speed_mps) & (speed_mps * _WIDEST_RAD > air_mps)
     between_s = interval_s(vehicle.half_life_s)
-    row = _apart(t_s, np.flatnonzero(fast), between_s)
+    row = np.flatnonzero(fast)
+    row = row[apart(t_s[row], between_s)]
     crossflow_rad = vehicle.crossflow_sigma_mps / speed_mps[row]
     varying_rad2 = (1.0 - vehicle.constant_share) * angles_rad**2 + crossflow_rad[:, None] ** 2
     sigma_rad = np.sqrt(inflation(vehicle.half_life_s, between_s) * varying_rad2)
@@ -53,12 +54,3 @@ def airflow(vehicle: FinnedVehicle, t_s: FloatArray, v_n_mps: FloatArray) -> Air
         wind=flight_constant(WIND, ("north", "east"), "m/s", vehicle.wind_sigma_mps),
         mean=flight_constant(MEAN, ("sideslip", "attack"), "rad", mean_sigma_rad),
     )
-
-
-def _apart(t_s: FloatArray, rows: IntArray, between_s: float) -> IntArray:
-    """Return those of some keyframes that are an interval apart, or more."""
-    chosen: list[int] = []
-    for row in rows.tolist():
-        if not chosen or t_s[row] - t_s[chosen[-1]] >= between_s * (1 - 1e-6):
-            chosen.append(row)
-    return np.array(chosen, dtype=np.int64)
