@@ -7,7 +7,6 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
-from fgnav.io.rinex.signals import same_signal
 from fgnav.types.observations import Observations
 
 _GRID_S = 1e-3  # nominal intervals are whole milliseconds
@@ -64,7 +63,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
     Observations
         On the reference antenna's epochs and the union of channels. An antenna without an epoch has
         gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
-        Signals are named as the reference has them (``named_alike``).
 
     Raises
     ------
@@ -77,7 +75,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         only = per_antenna[0]
         return replace(only, losses=_named(only.losses, names[0]))
     t_s = per_antenna[0].t_s
-    per_antenna = [per_antenna[0], *(named_alike(one, per_antenna[0]) for one in per_antenna[1:])]
     channels = sorted(
         {c for one in per_antenna for c in zip(one.satellites, one.signals, strict=True)}
     )
@@ -117,30 +114,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         lock_flags=lock_flags,
         losses=tuple(losses),
     )
-
-
-def named_alike(one: Observations, reference: Observations) -> Observations:
-    """Return observations whose signals are named as the reference receiver tracks them.
-
-    One receiver may track Galileo's E1 pilot (``1C``), another pilot and data (``1X``): RINEX
-    aligns the phases of the two, so both belong into one channel.
-    """
-    theirs = _signals(reference)
-    mine = _signals(one)
-    names = {}
-    for constellation, signal in mine - theirs:
-        family = same_signal(constellation, signal)
-        akin = {s for c, s in theirs - mine if (c, same_signal(c, s)) == (constellation, family)}
-        if len(akin) == 1:
-            names[constellation, signal] = akin.pop()
-    if not names or len({(c[0], s) for c, s in names.items()}) < len(names):
-        return one
-    pairs = zip(one.satellites, one.signals, strict=True)
-    return replace(one, signals=tuple(names.get((s[0], signal), signal) for s, signal in pairs))
-
-
-def _signals(one: Observations) -> set[tuple[str, str]]:
-    return {(s[0], signal) for s, signal in zip(one.satellites, one.signals, strict=True)}
 
 
 def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArray]:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,15 @@ def test_a_signal_all_antennas_track_goes_before_a_more_frequent_one():
     chosen = select(observed(channels, tracked))
     assert chosen.signals == ("2W", "2W")
     assert sum(loss.count for loss in chosen.losses) == 3
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_signal_with_phases_goes_before_one_with_codes_alone(causal):
+    flight = observed([("G01", "1C"), ("G01", "1W")], np.ones((2, 2), dtype=bool))
+    phases = flight.phase_cycles.copy()
+    phases[..., 0] = np.nan
+    chosen = select(replace(flight, phase_cycles=phases), causal=causal)
+    assert chosen.signals == ("1W",)
 
 
 def test_nothing_observed_selects_nothing():

@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import Origin
-from fgnav.io.antennas import merge, named_alike
+from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import networks, series, usual_noise
 from fgnav.io.flight import toml as flight_toml
@@ -247,7 +247,7 @@ def _vehicle(table: VehicleTable) -> WheeledVehicle | FinnedVehicle | None:
 def _rinex(
     folder: Path, table: FlightTable, start_gps_s: float
 ) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
-    """Return messages, observations of antennas, and of the base with its signals named alike."""
+    """Return messages, observations of antennas, and of the base."""
     names = [antenna.name for antenna in table.antenna]
     files = [antenna.observations for antenna in table.antenna if antenna.observations]
     if files and len(files) < len(names):
@@ -270,7 +270,7 @@ def _rinex(
     return (
         broadcast,
         observations,
-        Base(position_e_m=position_e_m, observations=named_alike(receivers[-1], observations)),
+        Base(position_e_m=position_e_m, observations=receivers[-1]),
     )
 
 

@@ -14,9 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, quoted
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES, in_order
+from fgnav.io.rinex.observations import (
+    CONSTELLATIONS,
+    KNOWN_SATELLITES,
+    first_of_each,
+    in_order,
+)
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
@@ -109,7 +114,7 @@ def _read(path: Path, start_gps_s: float) -> _File:
     names = [_name(lines[k][1:4]) for k in records.tolist()]
     column = np.array([number.get(name, -1) for name in names], np.int64)
     whole &= (column >= 0) & (row >= 0)
-    whole[whole] = _first_of_each(row[whole] * len(satellites) + column[whole])
+    whole[whole] = first_of_each(row[whole] * len(satellites) + column[whole])
     usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
     if not usable.any():
         raise BadInputError(
@@ -190,13 +195,6 @@ def _gps_s(lines: Sequence[str], scale: str) -> FloatArray:
     if scale in _UTC:
         return gps_of_utc(t_s + UNIX_OF_GPS_S)
     return t_s + _BEHIND_GPS_S[scale]
-
-
-def _first_of_each(keys: IntArray) -> BoolArray:
-    """Return which of equal keys are the first."""
-    first = np.zeros(len(keys), np.bool_)
-    first[np.unique(keys, return_index=True)[1]] = True
-    return first
 
 
 def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
