@@ -1,12 +1,11 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
@@ -19,6 +18,7 @@ from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.baselines import baseline, local_axes
 from fgnav.io.flight.columns import CALIBRATION, CURRENTS
 from fgnav.io.flight.integers import read_integers
+from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.local_frame import columns_to_vectors, place_to_n
 from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import (
@@ -26,7 +26,6 @@ from fgnav.io.flight.toml import (
     FixesTable,
     FlightTable,
     GnssTable,
-    InitialTable,
     SeekerTable,
     TruthTable,
     VehicleTable,
@@ -178,11 +177,7 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
-    origin = Origin(
-        latitude_rad=np.radians(table.origin.latitude_deg),
-        longitude_rad=np.radians(table.origin.longitude_deg),
-        height_m=table.origin.height_m,
-    )
+    origin = Origin(**values_of(table.origin, Origin))
 
     def made(kind: str, make: Callable[[dict[str, FloatArray], Any], _T]) -> _T | None:
         """Return what is made of the samples of a table, and of its keys."""
@@ -205,9 +200,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         name=table.name,
         start_gps_s=start_gps_s,
         origin=origin,
-        antennas=tuple(
-            Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in table.antenna
-        ),
+        antennas=tuple(Antenna(**values_of(one, Antenna)) for one in table.antenna),
         observations=observations,
         broadcast=broadcast,
         precise=precise,
@@ -222,7 +215,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         magnetometer=made("magnetometer", series.magnetometer),
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
-        initial=_initial(table.initial) if table.initial else None,
+        initial=InitialAttitude(**values_of(table.initial, InitialAttitude))
+        if table.initial
+        else None,
         truth=made("truth", partial(_truth, folder, origin, [a.name for a in table.antenna])),
         networks=networks.manifests(folder, table.network),
         losses=tuple(losses),
@@ -238,10 +233,7 @@ def _vehicle(table: VehicleTable) -> WheeledVehicle | FinnedVehicle | None:
             )
         return None
     record = WheeledVehicle if table.kind == "wheeled" else FinnedVehicle
-    names = [one.name for one in fields(record) if one.name.endswith("_rad")]
-    values = series.values_of(table, record)
-    values |= {name: float(np.radians(getattr(table, f"{name[:-3]}deg"))) for name in names}
-    return record(**values)
+    return record(**values_of(table, record))
 
 
 def _rinex(
@@ -274,23 +266,13 @@ def _rinex(
     )
 
 
-def _initial(table: InitialTable) -> InitialAttitude:
-    degrees = msgspec.structs.asdict(table)
-    return InitialAttitude(
-        **{
-            f"{name.removesuffix('_deg')}_rad": None if value is None else float(np.radians(value))
-            for name, value in degrees.items()
-        }
-    )
-
-
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:
     stated = {
         "code_m": gnss.code_noise_m,
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
+    return replace(usual_noise.gnss_noise(stated), **values_of(gnss, GnssNoise))
 
 
 def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
@@ -315,11 +297,8 @@ def _seeker(
     return Seeker(
         t_s=samples["t_s"],
         currents=columns_to_vectors(samples, CURRENTS),
-        position_b_m=np.array(table.position_b_m),
         landmark_n_m=place_to_n(origin, place)[0],
-        detector_radius_m=table.detector_radius_m,
-        focal_length_m=table.focal_length_m,
-        calibration=columns_to_vectors(calibration, CALIBRATION),
+        **values_of(table, Seeker) | {"calibration": columns_to_vectors(calibration, CALIBRATION)},
     )
 
 

@@ -1,9 +1,7 @@
 """Columns of samples as parts of a flight, whoever has read them: files of a folder, importers."""
 
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -24,10 +22,10 @@ from fgnav.io.flight.columns import (
     VELOCITY,
     VELOCITY_SIGMA,
 )
+from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
 from fgnav.io.flight.mounting import mounting
 from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
-from fgnav.io.strict_toml import Table
 from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
 from fgnav.types.surroundings import Barometer, Magnetometer
 
@@ -46,13 +44,6 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
 }
 
 LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
-
-
-def values_of(table: Table, record: type[Any]) -> dict[str, Any]:
-    """Return the values of a table that a record has fields of the same names for, as arrays."""
-    names = [one.name for one in fields(record) if hasattr(table, one.name)]
-    values = {name: getattr(table, name) for name in names}
-    return {n: np.array(v) if isinstance(v, tuple) else v for n, v in values.items()}
 
 
 def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:

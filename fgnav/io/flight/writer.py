@@ -1,9 +1,7 @@
 """The files of a flight, written into a folder, and what its flight.toml says of them."""
 
 import re
-from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
@@ -14,18 +12,16 @@ from fgnav.io.flight import columns, networks
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.baselines import baseline_blocks, local_axes
 from fgnav.io.flight.integers import write_integers
+from fgnav.io.flight.keys import table_of
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
-from fgnav.io.flight.usual_noise import IMU
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3.writer import write_precise
-from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
 from fgnav.types.flight import (
     Baseline,
     Fixes,
     Flight,
     Imu,
-    InitialAttitude,
     Seeker,
     Truth,
 )
@@ -35,7 +31,6 @@ from fgnav.types.vehicle import FinnedVehicle
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TAKEN = ("base", "broadcast")
-_T = TypeVar("_T", bound=msgspec.Struct)
 
 
 def check_empty(folder: Path) -> None:
@@ -58,7 +53,7 @@ def write_parts(
         format=flight_toml.FORMAT,
         name=flight.name,
         start=flight_toml.gps_date(flight.start_gps_s),
-        origin=_place_of_origin(flight.origin),
+        origin=table_of(flight_toml.Place, flight.origin),
         antenna=_antennas(flight, folder, rinex),
         network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
@@ -75,7 +70,7 @@ def write_parts(
         barometer=_barometer(flight.barometer, folder) if flight.barometer else None,
         magnetometer=_magnetometer(flight.magnetometer, folder) if flight.magnetometer else None,
         vehicle=_vehicle(flight),
-        initial=_initial(flight.initial) if flight.initial else None,
+        initial=table_of(flight_toml.InitialTable, flight.initial) if flight.initial else None,
         truth=_truth(flight.truth, flight.origin, folder) if flight.truth else None,
     )
     return msgspec.structs.replace(table, rows=row_counts(table, flight))
@@ -100,34 +95,6 @@ def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]
     return counts
 
 
-def _place(row: FloatArray) -> flight_toml.Place:
-    latitude_deg, longitude_deg, height_m = row.tolist()
-    return flight_toml.Place(
-        latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=height_m
-    )
-
-
-def _place_of_origin(origin: Origin) -> flight_toml.Place:
-    return _place(
-        np.array(
-            [np.degrees(origin.latitude_rad), np.degrees(origin.longitude_rad), origin.height_m]
-        )
-    )
-
-
-def _vector(value: FloatArray) -> Vector:
-    x, y, z = value.tolist()
-    return x, y, z
-
-
-def _keys(table: type[_T], record: object, **others: Any) -> _T:  # noqa: ANN401  # values of keys
-    """Return a table with others' values, and those that a record has by the same names."""
-    names = (name for name in table.__struct_fields__ if name not in others)
-    own = {name: getattr(record, name) for name in names if hasattr(record, name)}
-    arrays = {n: _vector(value) for n, value in own.items() if isinstance(value, np.ndarray)}
-    return table(**(own | arrays | others))
-
-
 def _antennas(
     flight: Flight, folder: Path, rinex: RinexVersion
 ) -> tuple[flight_toml.AntennaTable, ...]:
@@ -149,7 +116,7 @@ def _antennas(
                 position_e_m=flight.origin.p_e_m,
                 version=rinex,
             )
-        tables.append(_keys(flight_toml.AntennaTable, antenna, observations=file_name))
+        tables.append(table_of(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
 
 
@@ -164,7 +131,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
         write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
     base = None
     if flight.base is not None:
-        base = _keys(flight_toml.BaseTable, flight.base, observations="base.rnx")
+        base = table_of(flight_toml.BaseTable, flight.base, observations="base.rnx")
         write_observations(
             folder / "base.rnx",
             flight.base.observations,
@@ -175,7 +142,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
             version=rinex,
         )
     noise = flight.gnss_noise
-    return _keys(
+    return table_of(
         flight_toml.GnssTable,
         noise,
         navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
@@ -204,8 +171,7 @@ def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
         (columns.FORCE, imu.f_b_mps2),
         (columns.RATE, imu.w_b_radps),
     )
-    noise: dict[str, Any] = {n: None if n in imu.unstated else getattr(imu, n) for n in IMU}
-    return _keys(flight_toml.ImuTable, imu, samples="imu.csv", **noise)
+    return table_of(flight_toml.ImuTable, imu, samples="imu.csv")
 
 
 def _numbered(name: str, k: int) -> str:
@@ -246,8 +212,9 @@ def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerT
     _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
     calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
     write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
-    landmark = _place(place_of_n(origin, seeker.landmark_n_m[None])[0])
-    return _keys(
+    (place,) = place_of_n(origin, seeker.landmark_n_m[None]).tolist()
+    landmark = flight_toml.Place(**dict(zip(columns.PLACE, place, strict=True)))
+    return table_of(
         flight_toml.SeekerTable,
         seeker,
         samples="seeker.csv",
@@ -259,40 +226,20 @@ def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerT
 def _barometer(barometer: Barometer, folder: Path) -> flight_toml.BarometerTable:
     heights_m = barometer.height_m[:, None]
     _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
-    return _keys(flight_toml.BarometerTable, barometer, samples="barometer.csv")
+    return table_of(flight_toml.BarometerTable, barometer, samples="barometer.csv")
 
 
 def _magnetometer(sensor: Magnetometer, folder: Path) -> flight_toml.MagnetometerTable:
     _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
-    return _keys(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
+    return table_of(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
 
 
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
         return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
-    angles_deg = {
-        name.replace("_rad", "_deg"): float(np.degrees(getattr(vehicle, name)))
-        for name in (one.name for one in fields(vehicle))
-        if name.endswith("_rad")
-    }
-    return _keys(
-        flight_toml.VehicleTable,
-        vehicle,
-        kind="finned" if isinstance(vehicle, FinnedVehicle) else "wheeled",
-        standstill=flight.standstill,
-        **angles_deg,
-    )
-
-
-def _initial(initial: InitialAttitude) -> flight_toml.InitialTable:
-    return flight_toml.InitialTable(
-        **{
-            f"{name.removesuffix('_rad')}_deg": float(np.degrees(value))
-            for name, value in asdict(initial).items()
-            if value is not None
-        }
-    )
+    kind = "finned" if isinstance(vehicle, FinnedVehicle) else "wheeled"
+    return table_of(flight_toml.VehicleTable, vehicle, kind=kind, standstill=flight.standstill)
 
 
 def _truth(truth: Truth, origin: Origin, folder: Path) -> flight_toml.TruthTable:
