@@ -1,12 +1,13 @@
 """Columns of samples as parts of a flight, whoever has read them: files of a folder, importers."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.geometry.earth import Origin
+from fgnav.geometry.rotations import from_euler
 from fgnav.io.flight import usual_noise
 from fgnav.io.flight.columns import (
     BASELINE_GROUPS,
@@ -24,8 +25,7 @@ from fgnav.io.flight.columns import (
 )
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.local_frame import attitude_to_n, columns_to_vectors, place_to_n, velocity_to_n
-from fgnav.io.flight.mounting import mounting
-from fgnav.io.flight.toml import BarometerKeys, ImuKeys, MagnetometerKeys
+from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, BarometerKeys, ImuKeys, MagnetometerKeys
 from fgnav.types.flight import Fixes, Imu, LinkIntegers, Truth, TruthSource
 from fgnav.types.surroundings import Barometer, Magnetometer
 
@@ -60,6 +60,35 @@ def imu(samples: Mapping[str, FloatArray], table: ImuKeys) -> Imu:
         position_b_m=np.array(table.position_b_m),
         **usual_noise.imu_noise(stated, gyroscope=gyroscope),
     )
+
+
+def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
+    """Return R_bu, (3, 3): from the axes in which a unit's samples are to the body's.
+
+    Parameters
+    ----------
+    axes : sequence of 3 str
+        Which axis of the samples points forward, right and down: ``("-x", "y", "-z")``.
+    angles_deg : sequence of 3 float
+        Roll, pitch, yaw by which the unit, its axes so named, is turned against the body.
+
+    Raises
+    ------
+    BadInputError
+        If the axes are no right-handed triad.
+    """
+    P = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        name = axis.removeprefix("-")
+        if name not in FORWARD_RIGHT_DOWN:
+            raise BadInputError(f"imu axes: must be x, y, z, -x, -y or -z, got {quoted(axis)}")
+        P[row, FORWARD_RIGHT_DOWN.index(name)] = -1.0 if axis.startswith("-") else 1.0
+    if round(float(np.linalg.det(P))) != 1:  # 0: an axis twice; -1: left-handed
+        raise BadInputError(
+            f"imu axes: must be a right-handed triad such as -x, y, -z, got {', '.join(axes)}; "
+            "look at the signs"
+        )
+    return np.asarray(from_euler(*np.radians(angles_deg)[:, None])[0] @ P)
 
 
 def within_a_sample_s(t_s: FloatArray) -> float:

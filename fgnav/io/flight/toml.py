@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
-from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN
 from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
 from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 
 FORMAT = "fgnav-flight/1"
+FORWARD_RIGHT_DOWN = ("x", "y", "z")
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
 
 _MOST_ANTENNAS = 256  # all pairs of them are held against each other

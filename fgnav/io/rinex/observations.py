@@ -199,39 +199,40 @@ def _block(
     is_used = (epoch >= 0) & (number <= KNOWN_SATELLITES.get(letter, 0))
     losses = _unused_satellites(letter, number[(epoch >= 0) & ~is_used])
     satellites, place = np.unique(number[is_used], return_inverse=True)
-    epoch, values, locks = epoch[is_used], of.values[is_used], of.locks[is_used]
+    epoch, values, locks = epoch[is_used], of.values[is_used], of.locks[is_used] & 3
     fields = fields_of(header, letter)
     names = sorted({s for one in fields for s in one.signals if is_kept(letter, s, wanted)})
     shape = n, len(satellites), len(names)
     dense: dict[str, Any] = {name: np.full(shape, np.nan) for name in _QUANTITIES[:3]}
-    dense |= {
-        "cn0_dbhz": np.full(shape, np.nan, np.float32),
-        "lock_flags": np.zeros(shape, np.uint8),
-    }
+    dense["cn0_dbhz"] = np.full(shape, np.nan, np.float32)
+    dense["lock_flags"] = np.zeros(shape, np.uint8)
     unused = Counter[str]()
+
+    def spread(name: str, column: IntArray | FloatArray, rows: BoolArray, signal: str) -> None:
+        some = rows & (column != 0)
+        dense[name][epoch[some], place[some], names.index(signal)] = column[some]
+
     for k, field in reversed(list(enumerate(fields))):  # the first field of a signal counts
         is_code = values[:, field.codes] != 0
-        told = is_code.argmax(axis=1) if len(field.signals) > 1 else np.zeros(len(values), np.int64)
+        index = is_code.argmax(axis=1) if len(field.signals) > 1 else np.zeros(len(values), int)
         for j, signal in enumerate(field.signals):
-            is_there = (told == j) & (values[:, k] != 0)
+            rows = index == j
             if field.quantity < 0 or signal not in names:
-                what = "observation" if field.quantity >= 0 else "value"
-                what = (
-                    f"{letter} {signal if field.quantity >= 0 else header.types[letter][k]} {what}"
-                )
-                unused[what] = max(unused[what], int(is_there.sum()))
+                value = f"{header.types[letter][k]} value"
+                what = f"{signal} observation" if field.quantity >= 0 else value
+                unused[what] = max(unused[what], int((values[rows, k] != 0).sum()))
                 continue
-            here = names.index(signal)
-            at = epoch[is_there], place[is_there], here
-            dense[_QUANTITIES[field.quantity]][at] = values[is_there, k]
+            spread(_QUANTITIES[field.quantity], values[:, k], rows, signal)
             if field.quantity == 1:
-                is_there = (told == j) & (locks[:, k] & 3 != 0)
-                dense["lock_flags"][epoch[is_there], place[is_there], here] = locks[is_there, k] & 3
+                spread("lock_flags", locks[:, k], rows, signal)
     has = (np.isfinite(dense["code_m"]) | np.isfinite(dense["phase_cycles"])).any(axis=0)
     alone = sum(int(np.isfinite(dense[name][:, ~has]).sum()) for name in _QUANTITIES[2:])
     reason = "neither code nor phase of its carrier is in the file"
     losses.append(Loss(what="Doppler or density", reason=reason, count=alone))
-    losses += [Loss(what=what, reason=_NOT_KEPT, count=count) for what, count in unused.items()]
+    losses += [
+        Loss(what=f"{letter} {what}", reason=_NOT_KEPT, count=count)
+        for what, count in unused.items()
+    ]
     channels = [(f"{letter}{satellites[i]:02d}", names[j]) for i, j in np.argwhere(has).tolist()]
     arrays = {name: array[:, has] for name, array in dense.items()}
     return _Block(channels, arrays, [loss for loss in losses if loss.count])
