@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH, date_to_gps_s
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
 from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 
@@ -255,16 +255,12 @@ def gps_seconds(path: Path, start: str) -> float:
     """
     got = quoted(start)
     rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
-    if not _START.fullmatch(start):
+    seconds = date_to_gps_s(re.split("[-T:]", start)) if _START.fullmatch(start) else np.nan
+    if np.isnan(seconds):
         raise BadInputError(rule)
-    try:
-        second = np.datetime64(start[:19], "s")
-    except ValueError as error:
-        raise BadInputError(rule) from error
-    seconds = float((second - GPS_EPOCH) / np.timedelta64(1, "s"))
     if seconds < 0:
         raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {got}")
-    return seconds + float("0" + start[19:])
+    return seconds
 
 
 def gps_date(start_gps_s: float) -> str:

@@ -9,7 +9,7 @@ from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.geometry.earth import Origin, geodetic
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.io.flight.columns import PLACE
-from fgnav.io.flight.toml import gps_seconds
+from fgnav.io.gps_time import date_to_gps_s
 from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
@@ -55,12 +55,8 @@ def origin_of(
 def first_epoch_gps_s(path: Path) -> float | None:
     """Return the first epoch of a RINEX header, its seconds cut off; None of none."""
     words = _header(path).get("TIME OF FIRST OBS", "").split()
-    try:
-        year, month, day, hour, minute, second = (int(float(word)) for word in words[:6])
-        date = f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}"
-        return gps_seconds(path, date)
-    except (ValueError, IndexError):
-        return None
+    gps_s = np.floor(date_to_gps_s(words))
+    return float(gps_s) if np.isfinite(gps_s) else None
 
 
 def _header(path: Path) -> dict[str, str]:

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import date_to_gps_s
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import is_number
 
@@ -33,8 +33,7 @@ class Header:
     # observation types by letter of the constellation; all letters share one tuple in RINEX 2
     types: dict[str, tuple[str, ...]]
     time_system: str  # ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations
-    # announced last epoch, microseconds since 1980-01-06 in the file's time system
-    last_us: int | None
+    last_gps_s: float  # announced last epoch, in the file's time system; NaN of none
     interval_s: float | None  # announced time between epochs
     klobuchar: tuple[float, ...]  # GPS ionosphere, alpha and beta; zeros where absent
     size: int  # bytes of the head, its last line included
@@ -97,7 +96,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         system=system,
         types=types,
         time_system=time_system,
-        last_us=_last_us(lines),
+        last_gps_s=_last_gps_s(lines),
         interval_s=_interval_s(lines),
         klobuchar=_klobuchar(lines, system),
         size=size,
@@ -217,20 +216,10 @@ def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
     return frozenset(half)
 
 
-def _last_us(lines: list[_Line]) -> int | None:
-    """Return the announced last epoch; None where it is absent or no date."""
-    for line in lines:
-        if line.label == "TIME OF LAST OBS":
-            words = line.text[:43].split()
-            try:
-                year, month, day, hour, minute = (int(word) for word in words[:5])
-                date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-                second = float(words[5])
-            except (ValueError, IndexError):
-                return None
-            since = int((date - GPS_EPOCH) / np.timedelta64(1, "us"))
-            return since + round((hour * 3600 + minute * 60 + second) * 1e6)
-    return None
+def _last_gps_s(lines: list[_Line]) -> float:
+    """Return the announced last epoch; NaN where it is absent or no date."""
+    text = next((line.text[:43] for line in lines if line.label == "TIME OF LAST OBS"), "")
+    return date_to_gps_s(text.split())
 
 
 def _interval_s(lines: list[_Line]) -> float | None:

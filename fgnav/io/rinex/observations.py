@@ -313,9 +313,9 @@ def _events(header: Header, body: Body, events: list[Event]) -> list[Loss]:
 
 def _missing_end(header: Header, ticks: IntArray) -> list[Loss]:
     """Count the epochs between the last one and the last one that the header announces."""
-    if header.last_us is None:
+    if not np.isfinite(header.last_gps_s):
         return []
-    rest = header.last_us * 10 - int(ticks[-1])
+    rest = to_ticks(header.last_gps_s) - int(ticks[-1])
     if len(ticks) > 1:
         missing = round(rest / int(np.median(np.diff(ticks))))
     elif header.interval_s is not None:

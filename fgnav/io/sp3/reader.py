@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
-from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
+from fgnav.io.gps_time import UNIX_OF_GPS_S, date_to_gps_s, gps_of_utc
 from fgnav.io.rinex.observations import (
     CONSTELLATIONS,
     KNOWN_SATELLITES,
@@ -180,21 +180,8 @@ def _name(text: str) -> str:
 
 def _gps_s(lines: Sequence[str], scale: str) -> FloatArray:
     """Return the GPS times of epochs; NaN where there is no date."""
-    t_s = np.full(len(lines), np.nan)
-    for k, line in enumerate(lines):
-        words = line[1:].split()
-        try:
-            year, month, day, hour, minute = (int(word) for word in words[:5])
-            date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-            second = float(words[5])
-        except (ValueError, IndexError):
-            continue
-        if 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61:
-            days_s = (date - GPS_EPOCH) / np.timedelta64(1, "s")
-            t_s[k] = days_s + hour * 3600 + minute * 60 + second
-    if scale in _UTC:
-        return gps_of_utc(t_s + UNIX_OF_GPS_S)
-    return t_s + _BEHIND_GPS_S[scale]
+    t_s = np.array([date_to_gps_s(line[1:].split()) for line in lines], np.float64)
+    return gps_of_utc(t_s + UNIX_OF_GPS_S) if scale in _UTC else t_s + _BEHIND_GPS_S[scale]
 
 
 def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
