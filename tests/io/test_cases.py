@@ -1,10 +1,12 @@
 """Small inputs after public reports: what is right is in each folder's EXPECT.txt."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fgnav
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef
 from fgnav.io.importers import importer_named
@@ -264,3 +266,15 @@ def test_three_epochs_of_nine_satellites_are_read(case, number, name, losses):
     if number == "06":
         assert read.code_m[0, 0, 0] == 21729222.175
         assert read.doppler_hz[0, 0, 0] == 2511.351
+
+
+def test_unsteady_timestamps_and_a_loud_unit_are_solved(case):
+    flight = fgnav.load_flight(case(21) / "flight")
+    score = fgnav.compare(flight, [fgnav.Smoother()])["smoother"].score
+    assert score.failure is None
+    assert score.position_rmse_m < 0.02
+    assert 1 < score.attitude_nees_mean < 6
+    assert 1 < score.position_nees_mean < 6
+    matches = (re.search(r"Gyroscope noise.* ([\d.]+) x the nominal", n) for n in score.notes)
+    (factor,) = [float(match[1]) for match in matches if match]
+    assert 15 < factor < 35
