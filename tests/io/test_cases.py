@@ -10,11 +10,11 @@ import fgnav
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef
 from fgnav.io.importers import importer_named
-from fgnav.io.importers.assemble import Assembled, assemble
 from fgnav.io.importers.guess import guessed
 from fgnav.io.importers.recognise import recognised
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
+from tests.io.importers.helpers import whole_of
 
 # GPS seconds: 2025-07-08 10:00:00, 18 s ahead of UTC.
 START_S = 2374 * 604_800 + 208_800.0
@@ -29,15 +29,15 @@ def case(shared):
     return lambda number: next(folder.glob(f"{number}-*"))
 
 
-def new(path: Path, scratch: Path) -> Assembled:
+def new(path: Path, scratch: Path):
     """Return what ``fgnav new`` makes of a file."""
     name, path = recognised(path, scratch)
     settings = Settings(csv=(guessed(path),) if name == "csv" else ())
-    return assemble([importer_named(name)(path, settings, scratch)], settings)
+    return whole_of([importer_named(name)(path, settings, scratch)], settings)
 
 
-def lost(whole: Assembled) -> dict[str, int]:
-    return {f"{one.what}: {one.reason}": one.count for one in whole.flight.losses}
+def lost(whole) -> dict[str, int]:
+    return {f"{one.what}: {one.reason}": one.count for one in whole.losses}
 
 
 @pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16"])
@@ -206,7 +206,7 @@ def test_fixes_of_two_receivers_are_those_of_two_antennas(case, tmp_path):
     folder = case(18)
     settings = read_settings(folder / "two.toml")
     found = [importer_named("csv")(folder / f"{one}.csv", settings, tmp_path) for one in "ab"]
-    flight = assemble(found, settings).flight
+    flight = whole_of(found, settings).flight
     assert [one.antenna for one in flight.fixes] == ["gps1", "gps2"]
     assert [len(one.t_s) for one in flight.fixes] == [150, 150]
     apart = np.linalg.norm(flight.fixes[1].p_n_m - flight.fixes[0].p_n_m, axis=1)

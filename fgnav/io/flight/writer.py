@@ -59,11 +59,11 @@ def write_parts(
         gnss=_gnss(flight, folder, rinex),
         imu=_imu(flight.imu, folder) if flight.imu else None,
         fixes=tuple(
-            _fixes(one, flight.origin, folder, _numbered("fixes", k))
+            _fixes(one, flight.origin, folder, numbered("fixes", k))
             for k, one in enumerate(flight.fixes)
         ),
         baseline=tuple(
-            _baseline(one, flight, folder, _numbered("baseline", k))
+            _baseline(one, flight, folder, numbered("baseline", k))
             for k, one in enumerate(flight.baselines)
         ),
         seeker=_seeker(flight.seeker, flight.origin, folder) if flight.seeker else None,
@@ -174,7 +174,7 @@ def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
     return table_of(flight_toml.ImuTable, imu, samples="imu.csv")
 
 
-def _numbered(name: str, k: int) -> str:
+def numbered(name: str, k: int) -> str:
     """Return the name of the samples of one of several records."""
     return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
 

@@ -56,7 +56,7 @@ MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude
 def test_separators_minutes_and_cut_rows(tmp_path, text, losses):
     (tmp_path / "a.pos").write_text(text)
     whole, flight = imported(tmp_path, "pos", tmp_path / "a.pos")
-    assert {one.what: one.count for one in whole.flight.losses} == losses
+    assert {one.what: one.count for one in whole.losses} == losses
     assert flight.start_gps_s == 2374 * 604800 + 243258.5
     np.testing.assert_allclose(np.degrees(flight.origin.latitude_rad), 40, rtol=1e-12)
     np.testing.assert_allclose(np.degrees(flight.origin.longitude_rad), -4, rtol=1e-12)
