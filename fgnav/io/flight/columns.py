@@ -1,4 +1,12 @@
-"""Column names of a flight's tables."""
+"""Columns of a flight's tables: their names, their numbers together, what they may hold."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from fgnav.checks import BadInputError, FloatArray
 
 PLACE = ("latitude_deg", "longitude_deg", "height_m")
 VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
@@ -19,6 +27,8 @@ HEADING_SIGMA, PITCH_SIGMA = ("sigma_heading_deg",), ("sigma_pitch_deg",)
 LENGTH_SIGMA = ("sigma_length_m",)
 BASELINE_GROUPS: tuple[tuple[str, ...], ...] = (BASELINE, POSITION_SIGMA, BASELINE_COVARIANCE)
 BASELINE_GROUPS += (HEADING, HEADING_SIGMA, PITCH, PITCH_SIGMA, LENGTH, LENGTH_SIGMA)
+Block: TypeAlias = tuple[tuple[str, ...], FloatArray]  # names of columns, (k, c)
+LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 # What no instrument and no flight has, by the end of a column's name; beyond lies damage, and the
 # squares of such numbers overflow. Seconds: 300 years; lengths: the Moon; accelerations and rates:
 # a thousand times those of a fired shell; a field: ten times the strongest magnet.
@@ -40,3 +50,31 @@ FORMATS = {"t_s": "%.8f", "itude_deg": "%.13f", "_deg": "%.12f"}
 def largest(name: str) -> float:
     """Return the largest magnitude that a column of that name may hold."""
     return next((most for end, most in _LARGEST.items() if name.endswith(end)), _LARGEST_OTHER)
+
+
+def columns_to_vectors(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
+    """Return (k, c) of c columns."""
+    return np.stack([table[name] for name in names], axis=1)
+
+
+def stated_sigma(
+    where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
+) -> FloatArray | None:
+    """Return standard deviations, (k, c); None where the samples have none.
+
+    Raises
+    ------
+    BadInputError
+        If one is not positive.
+    """
+    if names[0] not in samples:
+        return None
+    sigma = columns_to_vectors(samples, names)
+    wrong = sigma < LEAST_SIGMA
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        raise BadInputError(
+            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+            f"got {sigma[row, column]:.9g}"
+        )
+    return sigma

@@ -1,55 +1,38 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import networks, series, usual_noise
+from fgnav.io.flight import networks, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
-from fgnav.io.flight.baselines import baseline, local_axes
-from fgnav.io.flight.columns import CALIBRATION, CURRENTS
-from fgnav.io.flight.integers import read_integers
 from fgnav.io.flight.keys import values_of
-from fgnav.io.flight.local_frame import columns_to_vectors, place_to_n
+from fgnav.io.flight.series import Surroundings, read_record
 from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import (
-    BaselineTable,
-    FixesTable,
     FlightTable,
     GnssTable,
-    SeekerTable,
-    TruthTable,
     VehicleTable,
 )
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
-from fgnav.io.tables import read_table
 from fgnav.types.flight import (
     Antenna,
     Base,
-    Baseline,
-    Fixes,
     Flight,
     GnssNoise,
     InitialAttitude,
-    Seeker,
-    Truth,
 )
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
-
-_T = TypeVar("_T")
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -179,16 +162,15 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     origin = Origin(**values_of(table.origin, Origin))
 
-    def made(kind: str, make: Callable[[dict[str, FloatArray], Any], _T]) -> _T | None:
-        """Return what is made of the samples of a table, and of its keys."""
-        keys = getattr(table, kind)
-        if keys is None:
-            return None
-        return make(read_table(folder / keys.samples, *series.COLUMNS[kind]), keys)
-
-    fixes = tuple(_fixes(folder, origin, keys) for keys in table.fixes)
-    baselines = tuple(_baseline(folder, origin, fixes, keys) for keys in table.baseline)
-
+    antennas = tuple(one.name for one in table.antenna)
+    at = Surroundings(folder, origin, antennas)
+    fixes = tuple(read_record("fixes", keys, at) for keys in table.fixes)
+    single = {
+        kind: read_record(kind, keys, at)
+        for kind in ("imu", "seeker", "barometer", "magnetometer", "truth")
+        if (keys := getattr(table, kind)) is not None
+    }
+    at = replace(at, fixes=fixes)
     gnss = table.gnss
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
@@ -207,18 +189,14 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg),
         gnss_noise=_gnss_noise(gnss),
         base=base,
-        imu=made("imu", series.imu),
         fixes=fixes,
-        baselines=baselines,
-        seeker=made("seeker", partial(_seeker, folder, origin)),
-        barometer=made("barometer", series.barometer),
-        magnetometer=made("magnetometer", series.magnetometer),
+        baselines=tuple(read_record("baseline", keys, at) for keys in table.baseline),
+        **single,
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
         initial=InitialAttitude(**values_of(table.initial, InitialAttitude))
         if table.initial
         else None,
-        truth=made("truth", partial(_truth, folder, origin, [a.name for a in table.antenna])),
         networks=networks.manifests(folder, table.network),
         losses=tuple(losses),
     )
@@ -273,47 +251,3 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "doppler_mps": gnss.doppler_noise_mps,
     }
     return replace(usual_noise.gnss_noise(stated), **values_of(gnss, GnssNoise))
-
-
-def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
-    samples = read_table(folder / table.samples, *series.COLUMNS["fixes"])
-    return series.fixes(samples, origin, table.antenna, where=folder / table.samples)
-
-
-def _baseline(
-    folder: Path, origin: Origin, fixes: tuple[Fixes, ...], table: BaselineTable
-) -> Baseline:
-    samples = read_table(folder / table.samples, *series.COLUMNS["baseline"])
-    R_nl = local_axes(origin, fixes, samples["t_s"])
-    return baseline(samples, table.antennas, R_nl, where=folder / table.samples)
-
-
-def _seeker(
-    folder: Path, origin: Origin, samples: dict[str, FloatArray], table: SeekerTable
-) -> Seeker:
-    calibration = read_table(folder / table.calibration, CALIBRATION, increasing=CALIBRATION[0])
-    landmark = table.landmark
-    place = np.array([[landmark.latitude_deg, landmark.longitude_deg, landmark.height_m]])
-    return Seeker(
-        t_s=samples["t_s"],
-        currents=columns_to_vectors(samples, CURRENTS),
-        landmark_n_m=place_to_n(origin, place)[0],
-        **values_of(table, Seeker) | {"calibration": columns_to_vectors(calibration, CALIBRATION)},
-    )
-
-
-def _truth(
-    folder: Path,
-    origin: Origin,
-    names: list[str],
-    samples: dict[str, FloatArray],
-    table: TruthTable,
-) -> Truth:
-    integers = read_integers(folder / table.integers) if table.integers else None
-    for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
-        raise BadInputError(
-            f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
-        )
-    return series.truth(
-        samples, origin, integers, source=table.source, where=folder / table.samples
-    )

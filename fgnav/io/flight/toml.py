@@ -197,6 +197,19 @@ class TruthTable(Table, frozen=True, kw_only=True):
     source: TruthSource | None = None
 
 
+# Tables of records by their keys, and those that a flight has several of.
+RECORDS: dict[str, type[Any]] = {
+    "imu": ImuTable,
+    "fixes": FixesTable,
+    "baseline": BaselineTable,
+    "seeker": SeekerTable,
+    "barometer": BarometerTable,
+    "magnetometer": MagnetometerTable,
+    "truth": TruthTable,
+}
+SEVERAL = ("fixes", "baseline")
+
+
 class FlightTable(Table, frozen=True, kw_only=True):
     """The whole file; ``rows`` says how many rows each table of samples was written with."""
 

@@ -2,30 +2,24 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
-from fgnav.geometry.earth import Origin
-from fgnav.io.flight import columns, networks
+from fgnav.checks import BadInputError
+from fgnav.io.flight import networks
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.baselines import baseline_blocks, local_axes
+from fgnav.io.flight.columns import CALIBRATION, FORMATS, PLACE
 from fgnav.io.flight.integers import write_integers
 from fgnav.io.flight.keys import table_of
-from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.flight.series import blocks_of
+from fgnav.io.flight.toml import RECORDS, SEVERAL
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3.writer import write_precise
 from fgnav.io.tables import write_table
-from fgnav.types.flight import (
-    Baseline,
-    Fixes,
-    Flight,
-    Imu,
-    Seeker,
-    Truth,
-)
-from fgnav.types.surroundings import Barometer, Magnetometer
+from fgnav.types.flight import Flight, Seeker, Truth
 from fgnav.types.vehicle import FinnedVehicle
 
 FILE_NAME = "flight.toml"
@@ -57,21 +51,9 @@ def write_parts(
         antenna=_antennas(flight, folder, rinex),
         network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
-        imu=_imu(flight.imu, folder) if flight.imu else None,
-        fixes=tuple(
-            _fixes(one, flight.origin, folder, numbered("fixes", k))
-            for k, one in enumerate(flight.fixes)
-        ),
-        baseline=tuple(
-            _baseline(one, flight, folder, numbered("baseline", k))
-            for k, one in enumerate(flight.baselines)
-        ),
-        seeker=_seeker(flight.seeker, flight.origin, folder) if flight.seeker else None,
-        barometer=_barometer(flight.barometer, folder) if flight.barometer else None,
-        magnetometer=_magnetometer(flight.magnetometer, folder) if flight.magnetometer else None,
         vehicle=_vehicle(flight),
         initial=table_of(flight_toml.InitialTable, flight.initial) if flight.initial else None,
-        truth=_truth(flight.truth, flight.origin, folder) if flight.truth else None,
+        **_records(flight, folder),
     )
     return msgspec.structs.replace(table, rows=row_counts(table, flight))
 
@@ -155,83 +137,41 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
     )
 
 
-def _write(path: Path, t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray | None]) -> None:
-    """Write a table of times and blocks of columns; blocks that are None are left out."""
-    table = {"t_s": t_s}
-    for names, block in blocks:
-        if block is not None:
-            table |= {name: block[:, k] for k, name in enumerate(names)}
-    write_table(path, table, columns.FORMATS)
-
-
-def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
-    _write(
-        folder / "imu.csv",
-        imu.t_s,
-        (columns.FORCE, imu.f_b_mps2),
-        (columns.RATE, imu.w_b_radps),
-    )
-    return table_of(flight_toml.ImuTable, imu, samples="imu.csv")
-
-
 def numbered(name: str, k: int) -> str:
     """Return the name of the samples of one of several records."""
     return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
 
 
-def _fixes(fixes: Fixes, origin: Origin, folder: Path, samples: str) -> flight_toml.FixesTable:
-    velocity = None
-    if fixes.v_n_mps is not None:
-        velocity = velocity_of_n(origin, fixes.p_n_m, fixes.v_n_mps)
-    _write(
-        folder / samples,
-        fixes.t_s,
-        (columns.PLACE, place_of_n(origin, fixes.p_n_m)),
-        (columns.VELOCITY, velocity),
-        (
-            columns.POSITION_SIGMA,
-            None if "position" in fixes.unstated else fixes.position_sigma_m,
-        ),
-        (
-            columns.VELOCITY_SIGMA,
-            None if "velocity" in fixes.unstated else fixes.velocity_sigma_mps,
-        ),
-    )
-    return flight_toml.FixesTable(samples=samples, antenna=fixes.antenna)
+def _records(flight: Flight, folder: Path) -> dict[str, Any]:
+    """Write records and what belongs to them; return their tables by key."""
+    keys: dict[str, Any] = {}
+    for kind, table in RECORDS.items():
+        found = getattr(flight, "baselines" if kind == "baseline" else kind)
+        tables = []
+        for k, record in enumerate(found if kind in SEVERAL else filter(None, [found])):
+            name, columns = numbered(kind, k), {"t_s": record.t_s}
+            for names, block in blocks_of(record, flight.origin, flight.fixes):
+                columns |= dict(zip(names, block.T, strict=True))
+            write_table(folder / name, columns, FORMATS)
+            more = _more(record, flight, folder)
+            tables.append(table_of(table, record, samples=name, **more))
+        keys[kind] = tuple(tables) if kind in SEVERAL else next(iter(tables), None)
+    return keys
 
 
-def _baseline(
-    of: Baseline, flight: Flight, folder: Path, samples: str
-) -> flight_toml.BaselineTable:
-    R_nl = local_axes(flight.origin, flight.fixes, of.t_s)
-    _write(folder / samples, of.t_s, *baseline_blocks(of, R_nl))
-    return flight_toml.BaselineTable(samples=samples, antennas=of.antennas)
-
-
-def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerTable:
-    _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
-    calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
-    write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
-    (place,) = place_of_n(origin, seeker.landmark_n_m[None]).tolist()
-    landmark = flight_toml.Place(**dict(zip(columns.PLACE, place, strict=True)))
-    return table_of(
-        flight_toml.SeekerTable,
-        seeker,
-        samples="seeker.csv",
-        landmark=landmark,
-        calibration="quadrant.csv",
-    )
-
-
-def _barometer(barometer: Barometer, folder: Path) -> flight_toml.BarometerTable:
-    heights_m = barometer.height_m[:, None]
-    _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
-    return table_of(flight_toml.BarometerTable, barometer, samples="barometer.csv")
-
-
-def _magnetometer(sensor: Magnetometer, folder: Path) -> flight_toml.MagnetometerTable:
-    _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
-    return table_of(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
+def _more(record: object, flight: Flight, folder: Path) -> dict[str, Any]:
+    """Write what a record has beside its samples; return the keys that say so."""
+    if isinstance(record, Seeker):
+        calibration = dict(zip(CALIBRATION, record.calibration.T, strict=True))
+        write_table(folder / "quadrant.csv", calibration, FORMATS)
+        (place,) = place_of_n(flight.origin, record.landmark_n_m[None]).tolist()
+        landmark = flight_toml.Place(**dict(zip(PLACE, place, strict=True)))
+        return {"landmark": landmark, "calibration": "quadrant.csv"}
+    if isinstance(record, Truth):
+        if record.integers is not None:
+            write_integers(folder / "integers.csv", record.integers)
+        return {"integers": None if record.integers is None else "integers.csv"}
+    return {}
 
 
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
@@ -240,26 +180,3 @@ def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
         return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
     kind = "finned" if isinstance(vehicle, FinnedVehicle) else "wheeled"
     return table_of(flight_toml.VehicleTable, vehicle, kind=kind, standstill=flight.standstill)
-
-
-def _truth(truth: Truth, origin: Origin, folder: Path) -> flight_toml.TruthTable:
-    _write(
-        folder / "truth.csv",
-        truth.t_s,
-        (columns.PLACE, place_of_n(origin, truth.p_n_m)),
-        (columns.VELOCITY, velocity_of_n(origin, truth.p_n_m, truth.v_n_mps)),
-        (columns.EULER, attitude_of_n(origin, truth.p_n_m, truth.R_nb)),
-        (columns.POSITION_SIGMA, truth.position_sigma_m),
-        (columns.VELOCITY_SIGMA, truth.velocity_sigma_mps),
-        (
-            columns.EULER_SIGMA,
-            None if truth.euler_sigma_rad is None else np.degrees(truth.euler_sigma_rad),
-        ),
-    )
-    if truth.integers is not None:
-        write_integers(folder / "integers.csv", truth.integers)
-    return flight_toml.TruthTable(
-        samples="truth.csv",
-        integers=None if truth.integers is None else "integers.csv",
-        source=truth.source,
-    )

@@ -26,12 +26,6 @@ from fgnav.io.tables import write_table
 
 SETTINGS_NAME = "import.toml"
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
-_SEVERAL = ("fixes", "baseline")  # of which a flight has one a receiver
-_TABLES: dict[str, type[msgspec.Struct]] = {
-    "imu": flight_toml.ImuTable,
-    "barometer": flight_toml.BarometerTable,
-    "magnetometer": flight_toml.MagnetometerTable,
-}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -230,7 +224,7 @@ def _records(
         ends = [antennas[k] for k in places if k >= 0]
         for kind, rows in one.tables.items():
             earlier = records.setdefault(kind, [])
-            if earlier and kind not in _SEVERAL:
+            if earlier and kind not in flight_toml.SEVERAL:
                 first = next(other.source.name for other in recordings if kind in other.tables)
                 raise BadInputError(
                     f"{one.source}: has {kind}, as {first} has; a flight takes those of one "
@@ -239,7 +233,10 @@ def _records(
             name = numbered(kind, len(earlier))
             samples[name] = rows
             earlier.append(_keys(kind, one, settings, ends)(samples=name))
-    keys = {kind: tuple(some) if kind in _SEVERAL else some[0] for kind, some in records.items()}
+    keys = {
+        kind: tuple(some) if kind in flight_toml.SEVERAL else some[0]
+        for kind, some in records.items()
+    }
     return samples, keys
 
 
@@ -256,9 +253,9 @@ def _keys(
         return partial(flight_toml.TruthTable, source=one.truth_source)
     stated = msgspec.structs.asdict(getattr(settings, kind))
     usual = one.imu_noise if kind == "imu" else {}
-    return partial(
-        _TABLES[kind], **{k: usual.get(k) if v is None else v for k, v in stated.items()}
-    )
+    values = {name: usual.get(name) if x is None else x for name, x in stated.items()}
+    table: Callable[..., msgspec.Struct] = flight_toml.RECORDS[kind]
+    return partial(table, **values)
 
 
 def write(

@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
-from fgnav.io.flight.columns import PLACE, largest
-from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
+from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, largest
+from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
 
 Samples: TypeAlias = Mapping[str, FloatArray]
