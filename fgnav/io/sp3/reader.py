@@ -9,7 +9,6 @@ References
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -32,18 +31,6 @@ _UTC = ("UTC", "GLO")
 _NO_CLOCK_US = 999_999.0
 _WIDTH = 60  # columns of a position record that are read
 _OTHERS = CONSTELLATIONS | {"L": "low satellites'"}
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _File:
-    """One file: epochs, and arrays of its satellites."""
-
-    path: Path
-    t_s: FloatArray
-    satellites: tuple[str, ...]
-    p_e_m: FloatArray
-    clock_s: FloatArray
-    counts: Counter[tuple[str, str]]
 
 
 def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
@@ -69,36 +56,34 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
-    files = sorted((_read(path, start_gps_s) for path in paths), key=lambda one: float(one.t_s[0]))
-    seen = sorted({name for file in files for name in file.satellites})
-    satellites = [name for name in seen if name[0] in KNOWN_SATELLITES]
-    counts = Counter[tuple[str, str]]()
-    t_s, p_e_m, clock_s = [], [], []
+    files = [(_read(path, start_gps_s), path.name) for path in paths]
+    files.sort(key=lambda one: float(one[0].t_s[0]))
+    satellites = sorted({name for file, _ in files for name in file.satellites})
+    t_s, p_e_m, clock_s, losses = [], [], [], list[Loss]()
     end_s = -np.inf
-    for file in files:
+    for file, name in files:
         later = file.t_s > end_s
-        counts += file.counts
-        counts[f"{file.path.name} epoch", "an earlier file has it too"] += int((~later).sum())
-        column = [satellites.index(name) for name in file.satellites if name in satellites]
-        mine = [k for k, name in enumerate(file.satellites) if name in satellites]
+        column = [satellites.index(name) for name in file.satellites]
         place = np.full((int(later.sum()), len(satellites), 3), np.nan)
         clock = np.full(place.shape[:2], np.nan)
-        place[:, column] = file.p_e_m[later][:, mine]
-        clock[:, column] = file.clock_s[later][:, mine]
+        place[:, column], clock[:, column] = file.p_e_m[later], file.clock_s[later]
         t_s.append(file.t_s[later])
         p_e_m.append(place)
         clock_s.append(clock)
         end_s = max(end_s, float(file.t_s[-1]))
+        losses += file.losses
+        reason, count = "an earlier file has it too", int((~later).sum())
+        losses += [Loss(what=f"{name} epoch", reason=reason, count=count)] if count else []
     return PreciseOrbits(
         t_s=np.concatenate(t_s),
         satellites=tuple(satellites),
         p_e_m=np.concatenate(p_e_m),
         clock_s=np.concatenate(clock_s),
-        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
+        losses=tuple(losses),
     )
 
 
-def _read(path: Path, start_gps_s: float) -> _File:
+def _read(path: Path, start_gps_s: float) -> PreciseOrbits:
     """Read one file."""
     content = read_text(path).tobytes().decode("latin-1").rstrip("\x1a\0")
     lines = content.split("\n")
@@ -142,7 +127,14 @@ def _read(path: Path, start_gps_s: float) -> _File:
     for k, n in Counter(names[k][0] for k in np.flatnonzero(usable)).items():
         if k not in KNOWN_SATELLITES:
             counts[f"{_OTHERS.get(k, k)} orbit", "constellation not used"] = n
-    return _File(path, t_s[good], satellites, p_e_m[good], clock_s[good], counts)
+    is_used = np.array([name[0] in KNOWN_SATELLITES for name in satellites])
+    return PreciseOrbits(
+        t_s=t_s[good],
+        satellites=tuple(np.array(satellites)[is_used].tolist()),
+        p_e_m=p_e_m[good][:, is_used],
+        clock_s=clock_s[good][:, is_used],
+        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
+    )
 
 
 def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
