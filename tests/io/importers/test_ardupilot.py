@@ -116,14 +116,6 @@ def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
     np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
 
 
-def test_instruments_of_unstated_noise_are_left_out_and_counted(tmp_path):
-    (tmp_path / "log.BIN").write_bytes(log(around=True))
-    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
-    assert (flight.barometer, flight.magnetometer) == (None, None)
-    lost = {loss.what: loss.count for loss in whole.losses}
-    assert (lost["barometer row"], lost["magnetometer row"]) == (3, 3)
-
-
 def test_messages_that_are_not_read_are_counted(tmp_path):
     (tmp_path / "log.BIN").write_bytes(log(around=True).replace(b"MAG\0", b"MGX\0"))
     whole, _ = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")

@@ -57,12 +57,6 @@ def test_dates_agree_with_the_calendar():
     )
 
 
-def test_rinex_2_with_continued_satellites_and_records_is_counted():
-    got = read(observation_2(epochs=3, satellites=30))
-    assert values(got, "G", "code_m") == values(got, "G", "phase_cycles") == {"1C": 90, "2W": 90}
-    assert values(got, "G", "doppler_hz") == {"1C": 90, "2W": 0}
-
-
 def test_numbers_may_touch_and_lack_their_leading_zero():
     assert GOOD.splitlines()[8].startswith("G05")
     new = "G05" + f"{-123456789.125:14.3f}  " + "          .125  " + "         -.125"
