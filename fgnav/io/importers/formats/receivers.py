@@ -99,19 +99,19 @@ def _decoded(
     texts = []
     for one in messages(content):
         size += len(one.raw)
-        handlers = TAKEN.get((one.protocol, one.number), ())
-        if not handlers and one.name not in sentences.READ:
+        take = TAKEN.get((one.protocol, one.number))
+        if take is None and one.name not in sentences.READ:
             others[one.protocol, one.number, one.name] += 1
             continue
         try:
             with foreign(path, one.name):
                 decoded = one.decoded()
-                for take in handlers:
+                if take is not None:
                     take(decoded, solution)
         except BadInputError:  # one message, that its checksum has proved, is no reason to stop
             solution.counts[f"{one.name} message", "cannot be decoded"] += 1
         else:
-            texts += [] if handlers else [decoded]
+            texts += [decoded] if take is None else []
     if texts:
         _add_sentences(path, texts, settings, solution)
     return others, size
