@@ -23,6 +23,7 @@ from fgnav.io.flight.toml import (
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
+from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import (
     Antenna,
     Base,
@@ -123,7 +124,7 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
     flight_writer.check_empty(Path(folder))
     with atomic_folder(Path(folder)) as new:
         table = flight_writer.write_parts(flight, new, rinex)
-        flight_toml.write_flight_toml(new / flight_writer.FILE_NAME, table)
+        write_toml(new / flight_writer.FILE_NAME, table)
 
 
 def _toml(path: Path) -> Path:

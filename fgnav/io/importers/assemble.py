@@ -23,6 +23,7 @@ from fgnav.io.importers.place import first_epoch_gps_s, origin_of
 from fgnav.io.importers.recording import Recording, Samples, cleaned
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import write_table
+from fgnav.io.toml_writer import write_toml
 
 SETTINGS_NAME = "import.toml"
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
@@ -290,9 +291,9 @@ def write(
             write_table(new / name, rows, FORMATS)
         for name, path in assembled.files.items():
             shutil.copyfile(path, new / name)
-        flight_toml.write_flight_toml(new / FILE_NAME, assembled.table, comments or {})
+        write_toml(new / FILE_NAME, assembled.table, comments or {})
         if settings is not None:
-            flight_toml.write_flight_toml(new / SETTINGS_NAME, settings)
+            write_toml(new / SETTINGS_NAME, settings)
         if verify:
             try:
                 load_flight(new)

@@ -69,7 +69,7 @@ def test_separators_minutes_and_cut_rows(tmp_path, text, losses):
         (HEAD, "holds no solution"),
         (HEAD + ROW[:30] + "\n", "rows must have 10 columns, got 5"),
         (HEAD + ROW.replace("-4.0", "-4.x"), "must hold numbers, could not convert"),
-        (HEAD + ROW.replace("2374 ", "2374/7/4x "), "times must be dates or week and seconds"),
+        (HEAD + ROW.replace("2374 ", "2374/7/4x "), "dates must be like 2025-07-08 19:34:18.5"),
         (HEAD.replace("latitude(deg)", "e-baseline(m)") + ROW, "set out-solformat to llh or xyz"),
     ],
 )

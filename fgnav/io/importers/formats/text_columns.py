@@ -122,7 +122,7 @@ def _read_table(path: Path, table: CsvTable, settings: Settings) -> tuple[Record
     samples = dict[str, FloatArray]()
     for name, cells in columns.items():
         if dates and name == "t_s":
-            samples[name], zoned = _dates(path, cells, utc=utc)
+            samples[name], zoned = read_dates(path, cells, utc=utc)
             if zoned and table.clock == "gps":
                 raise BadInputError(
                     f"{path}: key csv.clock: must be 'utc' where dates have a time zone, got 'gps' "
@@ -251,7 +251,7 @@ def time_zone(cell: str) -> str:
     return zone[0].strip() if zone else ""
 
 
-def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> tuple[FloatArray, bool]:
+def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[FloatArray, bool]:
     """Return seconds since 1980-01-06 of dates, and whether they have a time zone.
 
     Dates with a time zone are converted to UTC; others are GPS time unless ``utc``.
