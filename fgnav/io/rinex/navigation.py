@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S, date_to_gps_s
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 

@@ -10,44 +10,33 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, quoted
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
 from fgnav.io.antennas import nominal_epochs
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, UNIX_OF_GPS_S, gps_of_utc, to_ticks
 from fgnav.io.rinex import kernels
 from fgnav.io.rinex.epochs import (
     COUNT,
-    CUT,
-    NO_EPOCH,
     PADDING,
     SATELLITE,
     VALUE,
     Body,
     Epochs,
-    Event,
     Fault,
     find_epochs,
 )
 from fgnav.io.rinex.header import Header
+from fgnav.io.rinex.losses import (
+    KNOWN_SATELLITES,
+    losses_of_end,
+    losses_of_events,
+    losses_of_faults,
+    losses_of_unused_satellites,
+)
 from fgnav.io.rinex.signals import Wanted, fields_of, is_kept
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
 
-# Highest satellite number of each constellation in use.
-KNOWN_SATELLITES = {"G": 32, "E": 36, "C": 46, "J": 10, "R": 27}
-CONSTELLATIONS = {"R": "GLONASS", "S": "SBAS", "I": "NavIC"}
-_EVENTS = {2: "antenna starts to move", 3: "new site", 4: "header lines", 5: "external event"}
-_EVENTS[6] = "cycle slip records"
-# Labels that change what the numbers mean; inside the body they must repeat the header's lines.
-_MEANING: tuple[str, ...] = ("# / TYPES OF OBSERV", "SYS / # / OBS TYPES", "SYS / SCALE FACTOR")
-_MEANING += ("TIME OF FIRST OBS",)
 _ENDS = b" \r\n\x1a\0"  # blank lines, the end of a text of DOS, a block that was not filled
-_RULES = {
-    NO_EPOCH: "no epoch begins where one must (date, event flag or number of satellites)",
-    COUNT: "announces another number of satellites than it has",
-    CUT: "cut at the end of the file",
-    SATELLITE: "names a satellite that the header does not, or twice",
-    VALUE: "a value must be a number with three decimals, column {column}",
-}
 _NOT_KEPT = "its carrier is not in use; gnss.signals names others"
 _FIELDS = 5  # of a line of RINEX 2
 _QUANTITIES = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz")
@@ -96,7 +85,7 @@ def to_observations(
     is_whole[epochs.epoch[list(faults)]] = False
     kept = is_whole.copy()
     kept[is_whole] = in_order(epochs.ticks[is_whole])
-    losses = _faults(header, body, [*epochs.faults, *faults.values()])
+    losses = losses_of_faults(header, body, [*epochs.faults, *faults.values()])
     unordered = int((is_whole & ~kept).sum())
     reason = "its time does not increase"
     losses += [Loss(what=f"{header.path.name} epoch", reason=reason, count=unordered)]
@@ -108,8 +97,8 @@ def to_observations(
         reason = "the last line has no line end: it may be cut"
         losses.append(Loss(what=f"{header.path.name} line end", reason=reason, count=1))
     ticks = epochs.ticks[kept]
-    losses += _events(header, body, epochs.events)
-    losses += _missing_end(header, ticks)
+    losses += losses_of_events(header, body, epochs.events)
+    losses += losses_of_end(header, ticks)
     epoch = np.where(kept, np.cumsum(kept) - 1, -1)[epochs.epoch]
     blocks = [_block(header, one, epoch, epochs.number, len(ticks), wanted) for one in records]
     channels = [channel for block in blocks for channel in block.channels]
@@ -197,7 +186,7 @@ def _block(
     letter = of.letter
     epoch, number = epoch[of.rows], number[of.rows]
     is_used = (epoch >= 0) & (number <= KNOWN_SATELLITES.get(letter, 0))
-    losses = _unused_satellites(letter, number[(epoch >= 0) & ~is_used])
+    losses = losses_of_unused_satellites(letter, number[(epoch >= 0) & ~is_used])
     satellites, place = np.unique(number[is_used], return_inverse=True)
     epoch, values, locks = epoch[is_used], of.values[is_used], of.locks[is_used] & 3
     fields = fields_of(header, letter)
@@ -238,19 +227,6 @@ def _block(
     return _Block(channels, arrays, [loss for loss in losses if loss.count])
 
 
-def _unused_satellites(letter: str, numbers: IntArray) -> list[Loss]:
-    """Return the losses of a constellation that is not used, or of satellites that are not."""
-    if letter not in KNOWN_SATELLITES:
-        what, reason = f"{CONSTELLATIONS[letter]} observation", "constellation not used"
-        return [Loss(what=what, reason=reason, count=len(numbers))]
-    counts = Counter(numbers.tolist())
-    reason = "of a number that is not used"
-    return [
-        Loss(what=f"{letter}{one:02d} observation", reason=reason, count=count)
-        for one, count in sorted(counts.items())
-    ]
-
-
 def in_order(ticks: IntArray | FloatArray) -> BoolArray:
     """Return which epochs are later than all before, or earlier than all after, whichever is more.
 
@@ -264,23 +240,6 @@ def in_order(ticks: IntArray | FloatArray) -> BoolArray:
     return later if later.sum() >= earlier.sum() else earlier
 
 
-def _faults(header: Header, body: Body, faults: list[Fault]) -> list[Loss]:
-    """Return the epochs that were left out, by the rule that they break."""
-    n = len(body.begins)
-    by_rule: dict[int, list[Fault]] = {}
-    for fault in sorted(faults, key=lambda one: one.line):
-        by_rule.setdefault(CUT if fault.line >= n - 1 else fault.rule, []).append(fault)
-    return [
-        Loss(
-            what=f"{header.path.name} epoch",
-            reason=f"{_RULES[rule].format(column=some[0].column)}, line "
-            f"{header.lines + 1 + some[0].line} first",
-            count=len(some),
-        )
-        for rule, some in sorted(by_rule.items())
-    ]
-
-
 def _time_shift(header: Header, ticks: IntArray) -> IntArray:
     """Return what to add to the file's epochs for GPS time."""
     if header.time_system == "BDT":
@@ -289,40 +248,3 @@ def _time_shift(header: Header, ticks: IntArray) -> IntArray:
         return np.zeros(len(ticks), np.int64)
     utc_s = ticks // TICKS_PER_S + float(UNIX_OF_GPS_S)  # GLONASS's time is UTC in RINEX
     return (gps_of_utc(utc_s) + UNIX_OF_GPS_S - utc_s).astype(np.int64) * TICKS_PER_S
-
-
-def _events(header: Header, body: Body, events: list[Event]) -> list[Loss]:
-    """Return the count of events; refuse those that change the meaning of what follows."""
-    counts = Counter[int]()
-    for event in events:
-        for k in range(event.line + 1, min(event.after, len(body.begins))):
-            content = body.text[body.begins[k] : body.ends[k]].tobytes().decode("latin-1")
-            label = content[60:].strip()
-            if event.flag in (3, 4) and label in _MEANING and content not in header.content:
-                raise BadInputError(
-                    f"{header.path}: line {header.lines + 1 + k}: header inside the body must "
-                    f"not change the observation types, got {quoted(label)}; split the file "
-                    "there"
-                )
-        counts[event.flag] += max(1, event.announced)
-    return [
-        Loss(what=f"event {flag} record", reason=f"{_EVENTS[flag]}: not used", count=count)
-        for flag, count in counts.items()
-    ]
-
-
-def _missing_end(header: Header, ticks: IntArray) -> list[Loss]:
-    """Count the epochs between the last one and the last one that the header announces."""
-    if not np.isfinite(header.last_gps_s):
-        return []
-    rest = to_ticks(header.last_gps_s) - int(ticks[-1])
-    if len(ticks) > 1:
-        missing = round(rest / int(np.median(np.diff(ticks))))
-    elif header.interval_s is not None:
-        missing = round(rest / (header.interval_s * TICKS_PER_S))
-    else:  # of one epoch nothing tells the interval: one at least
-        missing = int(rest > 0)
-    if missing <= 0:
-        return []
-    reason = "the header announces a later end: the file may be cut"
-    return [Loss(what=f"{header.path.name} epoch", reason=reason, count=missing)]

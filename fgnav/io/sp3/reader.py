@@ -15,12 +15,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
 from fgnav.io.gps_time import UNIX_OF_GPS_S, date_to_gps_s, gps_of_utc
-from fgnav.io.rinex.observations import (
-    CONSTELLATIONS,
-    KNOWN_SATELLITES,
-    first_of_each,
-    in_order,
-)
+from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.io.rinex.observations import first_of_each, in_order
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits

@@ -8,6 +8,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
+from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
 from tests.io.flights import START_GPS_S, whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
