@@ -1,12 +1,13 @@
 """Columns of a flight's tables: their names, their numbers together, what they may hold."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError, FloatArray, quoted
 
 PLACE = ("latitude_deg", "longitude_deg", "height_m")
 VELOCITY = ("vn_mps", "ve_mps", "vd_mps")
@@ -78,3 +79,27 @@ def stated_sigma(
             f"got {sigma[row, column]:.9g}"
         )
     return sigma
+
+
+def fault_of_columns(
+    names: Sequence[str], required: Sequence[str], groups: Sequence[Sequence[str]]
+) -> str:
+    """Return what is wrong with a table's columns; nothing of a table that may be.
+
+    Parameters
+    ----------
+    names, required : sequence of str
+        The columns that are there, and those that must be.
+    groups : sequence of sequence of str
+        Columns that are there in full or not at all.
+    """
+    allowed = [*required, *(name for group in groups for name in group)]
+    for name in names:
+        if name not in allowed:
+            near = get_close_matches(name[:80], allowed, n=1, cutoff=0.0)[0]
+            return f"unknown column {quoted(name)}; the nearest known one is {near!r}"
+        if names.count(name) > 1:
+            return f"column {name!r} must appear once"
+    wanted = [list(required)] + [list(g) for g in groups if any(name in names for name in g)]
+    missing = [name for group in wanted for name in group if name not in names]
+    return f"column {missing[0]!r} is missing" if missing else ""

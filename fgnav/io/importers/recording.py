@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
-from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, largest
+from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, fault_of_columns, largest
 from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
 
@@ -71,16 +71,9 @@ class Recording:
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
         for kind, table in self.tables.items():
-            required, groups = COLUMNS[kind]
-            surplus = set(table) - set(required)
-            for group in groups:
-                surplus -= set(group) if set(group) <= surplus else set()
-            missing = sorted(set(required) - set(table))
-            if surplus or missing:
-                raise BadInputError(
-                    f"{self.source}: {kind}: columns {', '.join(missing or sorted(surplus))} "
-                    f"{'are missing' if missing else 'make no full group of known ones'}"
-                )
+            fault = fault_of_columns([*table], *COLUMNS[kind])
+            if fault:
+                raise BadInputError(f"{self.source}: {kind}: {fault}")
 
 
 def cleaned(recording: Recording) -> Recording:
