@@ -33,8 +33,6 @@ class Header:
     # observation types by letter of the constellation; all letters share one tuple in RINEX 2
     types: dict[str, tuple[str, ...]]
     time_system: str  # ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations
-    last_gps_s: float  # announced last epoch, in the file's time system; NaN of none
-    interval_s: float | None  # announced time between epochs
     klobuchar: tuple[float, ...]  # GPS ionosphere, alpha and beta; zeros where absent
     size: int  # bytes of the head, its last line included
     content: tuple[str, ...]  # its lines
@@ -47,6 +45,22 @@ class Header:
     def lines(self) -> int:
         """Return the number of its lines."""
         return len(self.content)
+
+    def text_of(self, label: str) -> str:
+        """Return the first 60 columns of the first line with a label; nothing without one."""
+        return next((line[:60] for line in self.content if line[60:].strip() == label), "")
+
+    @property
+    def last_gps_s(self) -> float:
+        """Return the announced last epoch, in the file's time system; NaN of none."""
+        return date_to_gps_s(self.text_of("TIME OF LAST OBS")[:43].split())
+
+    @property
+    def interval_s(self) -> float:
+        """Return the announced time between epochs; 0 where it is absent or none."""
+        text = self.text_of("INTERVAL")[:10]
+        interval_s = float(text) if is_number(text) else 0.0
+        return interval_s if 0 < interval_s < np.inf else 0.0
 
 
 class _Line(NamedTuple):
@@ -96,8 +110,6 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         system=system,
         types=types,
         time_system=time_system,
-        last_gps_s=_last_gps_s(lines),
-        interval_s=_interval_s(lines),
         klobuchar=_klobuchar(lines, system),
         size=size,
         content=tuple(one.whole for one in lines),
@@ -214,19 +226,6 @@ def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
             for band, factor in zip("12", factors, strict=True):
                 half |= {(name, band) for name in names or [""] if factor == "2"}
     return frozenset(half)
-
-
-def _last_gps_s(lines: list[_Line]) -> float:
-    """Return the announced last epoch; NaN where it is absent or no date."""
-    text = next((line.text[:43] for line in lines if line.label == "TIME OF LAST OBS"), "")
-    return date_to_gps_s(text.split())
-
-
-def _interval_s(lines: list[_Line]) -> float | None:
-    """Return the announced time between epochs; None where it is absent, zero or no number."""
-    text = next((line.text[:10] for line in lines if line.label == "INTERVAL"), "")
-    interval_s = float(text) if is_number(text) else 0.0
-    return interval_s if 0 < interval_s < np.inf else None
 
 
 def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:

@@ -92,7 +92,7 @@ def losses_of_end(header: Header, ticks: IntArray) -> list[Loss]:
     rest = to_ticks(header.last_gps_s) - int(ticks[-1])
     if len(ticks) > 1:
         missing = round(rest / int(np.median(np.diff(ticks))))
-    elif header.interval_s is not None:
+    elif header.interval_s:
         missing = round(rest / (header.interval_s * TICKS_PER_S))
     else:  # of one epoch nothing tells the interval: one at least
         missing = int(rest > 0)
