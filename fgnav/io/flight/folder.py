@@ -251,4 +251,5 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    return replace(usual_noise.gnss_noise(stated), **values_of(gnss, GnssNoise))
+    usual = {name: getattr(GnssNoise(), name) for name in stated}
+    return GnssNoise(**usual_noise.filled(stated, usual), **values_of(gnss, GnssNoise))

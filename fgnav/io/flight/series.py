@@ -117,7 +117,6 @@ def _imu(samples: _Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> I
     """Return an inertial unit: its axes rotated to the body's, its clock set."""
     R_bu = mounting(keys.axes, keys.mounting_deg)
     gyroscope = RATE[0] in samples
-    stated = {name: getattr(keys, name) for name in usual_noise.IMU}
     sigma_s = keys.clock_offset_sigma_s
     return Imu(
         t_s=samples["t_s"] + keys.clock_offset_s,
@@ -125,7 +124,7 @@ def _imu(samples: _Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> I
         f_b_mps2=columns_to_vectors(samples, FORCE) @ R_bu.T,
         w_b_radps=columns_to_vectors(samples, RATE) @ R_bu.T if gyroscope else None,
         position_b_m=np.array(keys.position_b_m),
-        **usual_noise.imu_noise(stated, gyroscope=gyroscope),
+        **usual_noise.imu_noise(keys, gyroscope=gyroscope),
     )
 
 

@@ -48,9 +48,8 @@ def comments(assembled: Assembled) -> dict[str, str]:
     if table.imu is None:
         by_key["imu"] = _MISSING["imu"]
     else:
-        stated = {name: getattr(table.imu, name) for name in IMU}
         gyroscope = RATE[0] in assembled.samples[table.imu.samples]
-        if unstated := imu_noise(stated, gyroscope=gyroscope)["unstated"]:
+        if unstated := imu_noise(table.imu, gyroscope=gyroscope)["unstated"]:
             text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
             usual = [f"{name} = {IMU[name]}" for name in unstated]
             by_key["imu.noise"] = "\n".join([text, *usual])
