@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import quaternion_wxyz
-from fgnav.io.atomic_write import write_text
+from fgnav.io.atomic_write import atomic_file
 from fgnav.io.exports.recorded import RecordedEstimate
 from fgnav.io.exports.track import track_of
 
@@ -24,22 +24,19 @@ def write_tum(recorded: RecordedEstimate, path: Path) -> None:
     Timestamps are UTC, seconds since 1970-01-01; positions are north, east, down of the origin that
     the first lines state, and the quaternion turns body axes, forward, right, down, into these.
     """
-    track = track_of(recorded)
+    track, at = track_of(recorded), recorded.origin
     w, x, y, z = quaternion_wxyz(track.R_nb).T
-    microseconds = (track.utc - np.datetime64(0, "us")).astype(np.int64)
-    at = recorded.origin
-    lines = [
-        "# timestamp: UTC, s since 1970-01-01; t: m north, east, down of latitude "
+    stamps = np.divmod((track.utc - np.datetime64(0, "us")).astype(np.int64), 1_000_000)
+    head = (
+        "timestamp: UTC, s since 1970-01-01; t: m north, east, down of latitude "
         f"{np.degrees(at.latitude_rad):.9f} deg, longitude {np.degrees(at.longitude_rad):.9f} deg, "
-        f"height {at.height_m:.3f} m (WGS-84)",
-        "# q: from body axes, forward, right, down, to north, east, down of that origin",
-        "# timestamp tx ty tz qx qy qz qw",
-    ]
-    table = np.column_stack([track.p_n_m, x, y, z, w]).tolist()
-    for time_us, row in zip(microseconds.tolist(), table, strict=True):
-        stamp = f"{time_us // 1_000_000}.{time_us % 1_000_000:06d}"
-        lines.append(" ".join([stamp, *(f"{value:.9f}" for value in row)]))
-    write_text(path, "\n".join([*lines, ""]))
+        f"height {at.height_m:.3f} m (WGS-84)\n"
+        "q: from body axes, forward, right, down, to north, east, down of that origin\n"
+        "timestamp tx ty tz qx qy qz qw"
+    )
+    table = np.column_stack([*stamps, track.p_n_m, x, y, z, w])
+    with atomic_file(path) as part:
+        np.savetxt(part, table, fmt="%d.%06d" + 7 * " %.9f", header=head)
 
 
 def write_pos(recorded: RecordedEstimate, path: Path) -> None:
@@ -58,17 +55,14 @@ def write_pos(recorded: RecordedEstimate, path: Path) -> None:
         _roots(to_enu @ np.nan_to_num(P) @ to_enu.swapaxes(1, 2))
         for P in (track.P_position, track.P_velocity)
     ]
-    lines = [f"% program   : fgnav {recorded.estimate.method}", _POS_HEAD]
-    for k, when in enumerate(track.gps):
-        day, clock = str(when).split("T")
-        lat, lon, height = track.place[k].tolist()
-        sigma, sigma_v = (" ".join(f"{x:8.4f}" for x in part[k].tolist()) for part in spreads)
-        speed = " ".join(f"{x:10.5f}" for x in velocity[k].tolist())
-        lines.append(
-            f"{day.replace('-', '/')} {clock[:12]} {lat:15.9f} {lon:14.9f} {height:12.4f} "
-            f"{_SINGLE:3d} {0:3d} {sigma} {0:6.2f} {0:6.1f} {speed} {sigma_v}"
-        )
-    write_text(path, "\n".join([*lines, ""]))
+    when = track.gps.astype("datetime64[ms]").astype(str)
+    when = np.char.replace(np.char.replace(when, "-", "/"), "T", " ").astype(object)
+    flags, age = np.tile([_SINGLE, 0], (len(when), 1)), np.zeros((len(when), 2))  # and ratio
+    table = np.column_stack([when, track.place, flags, spreads[0], age, velocity, spreads[1]])
+    form = "%s %15.9f %14.9f %12.4f %3d %3d" + 6 * " %8.4f" + " %6.2f %6.1f" + 3 * " %10.5f"
+    head = f"% program   : fgnav {recorded.estimate.method}\n{_POS_HEAD}"
+    with atomic_file(path) as part:
+        np.savetxt(part, table, fmt=form + 6 * " %8.4f", header=head, comments="")
 
 
 def _roots(covariance: FloatArray) -> FloatArray:
