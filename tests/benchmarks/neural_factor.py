@@ -16,12 +16,12 @@ from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
-from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
+from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.smoother import LAG_S, SCENARIO, Given
 from tests.neural import graphs
-from tests.solve.chain.linear_flight import random_problem
+from tests.solve.linear_flight import random_problem
 
 FACTORS = {  # what it measures, the share of its errors that lasts, and whose factor that is
     "heading": ("heading", 0.0, "in Python"),
