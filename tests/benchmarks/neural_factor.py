@@ -78,7 +78,7 @@ def _training() -> dict:
     whitened = np.concatenate([residual[:, :, None], jacobian, shared], axis=2)
     whitened = np.linalg.solve(root, whitened)
     works = [
-        lambda: flight._solved(row, whitened),  # what is measured
+        lambda: flight._posterior(row, whitened),  # what is measured
         lambda: flight.likelihood(*given, judged),
     ]
     for work in works:
@@ -86,7 +86,7 @@ def _training() -> dict:
     alone, both = _in_turns(works)
     note = (
         f"value and gradient by adjoint, {KEYFRAMES} keyframes of 21 states, 3 constants, a "
-        "measurement every tenth; in solves of the chain with covariances; peer: at most"
+        "measurement every tenth; in solves of the batch with covariances; peer: at most"
     )
     return _row("through_smoother", both / alone, MOST_SOLVES, "solves", note)
 

@@ -1,8 +1,8 @@
 """What enters GTSAM's window with each keyframe, kept until it leaves: a window may begin anew.
 
 What GTSAM has marginalised stays linear where it was, and no variable that it speaks of is ever
-linearised anew. Where the oldest keyframe must be, the window begins again, with the chain's
-marginal for a prior, which ``LinearWindow.relinearise`` has led there.
+linearised anew. Where the oldest keyframe must be, the window begins again: its prior is the
+marginal that ``LinearWindow.relinearise`` has led there.
 """
 
 from typing import NamedTuple
@@ -115,7 +115,7 @@ class Entering:
             self._zero.erase(self.layout.keyframe(k)[2])
 
     def restarted(self, linear: LinearWindow) -> IncrementalSmoother:
-        """Let all that is in the window enter again, about where the chain is by now."""
+        """Let all that is in the window enter again, about where it is linearised by now."""
         layout, entered = self.layout, list(self._keyframes)
         if linear.oldest:
             entered[0] = entered[0]._replace(before=[linear.marginal()], begins=None)
