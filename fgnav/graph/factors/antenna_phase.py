@@ -129,11 +129,6 @@ class AntennaPhase:
         """Rows of each epoch, (k,)."""
         return np.array([len(one.z) for one in self.rows], dtype=np.int64)
 
-    def block_at(self, row: int, before: int) -> int:
-        """Return the block of a keyframe; that before where it has no phases."""
-        i = int(np.searchsorted(self.row, row))
-        return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
-
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""
         one, arm_b_m = self.rows[i], self.arm_b_m[i]
