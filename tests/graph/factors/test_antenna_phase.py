@@ -96,4 +96,3 @@ def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
     assert of.ending(9) == {2: (0,), 9: (1,)}
     moved = of.on(np.array([4, 8]))
     assert [one.begin_row for one in moved.blocks] == [4, 8]
-    assert [moved.block_at(row, -1) for row in (3, 4, 8)] == [-1, 0, 1]
