@@ -113,30 +113,26 @@ def _rows_of_names(counts: IntArray) -> IntArray:
     return np.maximum(-(-counts // _NAMES), 1)
 
 
+def _lines_after(body: Body, marks: NDArray[Any]) -> IntArray:
+    """Return the lines behind epochs and events."""
+    line, flag, announced = (marks[name] for name in ("line", "flag", "announced"))
+    after = line + 1 + np.maximum(announced, 0)
+    if body.types:  # records of cycle slips are written as an epoch
+        of_epoch = _rows_of_names(announced) + np.maximum(announced, 0) * _rows(body)
+        after = np.where((flag <= 1) | (flag == 6), line + of_epoch, after)
+    return np.asarray(after)
+
+
 def _whole(body: Body, marks: NDArray[Any]) -> tuple[list[int], list[Event], list[Fault]]:
     """Return which marks begin whole epochs, the events between them, and what is neither."""
     n = len(body.begins)
     full = np.append(np.where(body.ends > body.begins, np.arange(n), n), n)
     full = np.minimum.accumulate(full[::-1])[::-1]  # the next line that is not blank
-    is_epoch = marks["flag"] <= 1
-    size = np.where(is_epoch, marks["announced"], 0)
-    after = marks["line"] + 1 + np.maximum(marks["announced"], 0)
-    if body.types:
-        of_names = _rows_of_names(size) + size * _rows(body)
-        after = np.where(is_epoch, marks["line"] + of_names, after)
-        slips = np.maximum(marks["announced"], 1)  # written as an epoch
-        after = np.where(
-            marks["flag"] == 6,
-            marks["line"] + _rows_of_names(slips) + marks["announced"] * _rows(body),
-            after,
-        )
     # Lines of values may look like an event of RINEX 2: those count where an epoch must begin.
-    is_sure = np.ones(len(marks), np.bool_)
-    if body.types:
-        is_sure = (marks["is_valid"] > 0) & is_epoch
+    is_sure = (marks["is_valid"] > 0) & (marks["flag"] <= 1) | (body.types == 0)
     sure = marks["line"][is_sure].tolist()
     by_line = dict(zip(marks["line"].tolist(), range(len(marks)), strict=True))
-    columns = (marks["is_valid"], marks["flag"], marks["announced"], after)
+    columns = (marks["is_valid"], marks["flag"], marks["announced"], _lines_after(body, marks))
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
     taken, events, faults = list[int](), list[Event](), list[Fault]()
     at, next_sure = int(full[0]), 0
