@@ -21,6 +21,9 @@ from fgnav.io.flight.columns import (
     POSITION_SIGMA,
     VELOCITY,
     VELOCITY_SIGMA,
+    Block,
+    Samples,
+    samples,
 )
 from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
 from fgnav.io.tables import write_table
@@ -61,29 +64,25 @@ def write_outcome(
         place.unlink(missing_ok=True)
 
 
-def _table(estimate: Estimate, origin: Origin) -> dict[str, FloatArray]:
+def _table(estimate: Estimate, origin: Origin) -> Samples:
     """Return the columns."""
     n = len(estimate.t_s)
     p_n_m = estimate.p_n_m if estimate.p_n_m is not None else np.zeros((n, 3))
-    to_n = origin.local_ned(p_n_m)
-    table = {"t_s": estimate.t_s}
-
-    def add(names: tuple[str, ...], values: FloatArray) -> None:
-        table.update({name: values[:, k] for k, name in enumerate(names)})
-
+    R_ln = origin.local_ned(p_n_m).swapaxes(1, 2)
+    blocks = list[Block]()
     if estimate.p_n_m is not None:
-        add(PLACE, place_of_n(origin, p_n_m))
+        blocks.append((PLACE, place_of_n(origin, p_n_m)))
     if estimate.v_n_mps is not None:
-        add(VELOCITY, velocity_of_n(origin, p_n_m, estimate.v_n_mps))
-    add(EULER, attitude_of_n(origin, p_n_m, estimate.R_nb))
+        blocks.append((VELOCITY, velocity_of_n(origin, p_n_m, estimate.v_n_mps)))
+    blocks.append((EULER, attitude_of_n(origin, p_n_m, estimate.R_nb)))
     if estimate.position_covariance_m2 is not None:
-        add(POSITION_SIGMA, _sigma(estimate.position_covariance_m2, to_n.swapaxes(1, 2)))
+        blocks.append((POSITION_SIGMA, _sigma(estimate.position_covariance_m2, R_ln)))
     if estimate.velocity_covariance_m2ps2 is not None:
-        add(VELOCITY_SIGMA, _sigma(estimate.velocity_covariance_m2ps2, to_n.swapaxes(1, 2)))
+        blocks.append((VELOCITY_SIGMA, _sigma(estimate.velocity_covariance_m2ps2, R_ln)))
     if estimate.attitude_covariance_rad2 is not None:
-        R_nb = to_n.swapaxes(1, 2) @ estimate.R_nb
-        add(EULER_SIGMA, np.degrees(euler_sigma(R_nb, estimate.attitude_covariance_rad2)))
-    return table
+        sigma_rad = euler_sigma(R_ln @ estimate.R_nb, estimate.attitude_covariance_rad2)
+        blocks.append((EULER_SIGMA, np.degrees(sigma_rad)))
+    return samples(estimate.t_s, *blocks)
 
 
 def _sigma(covariance: FloatArray, jacobian: FloatArray) -> FloatArray:

@@ -28,6 +28,7 @@ HEADING_SIGMA, PITCH_SIGMA = ("sigma_heading_deg",), ("sigma_pitch_deg",)
 LENGTH_SIGMA = ("sigma_length_m",)
 BASELINE_GROUPS: tuple[tuple[str, ...], ...] = (BASELINE, POSITION_SIGMA, BASELINE_COVARIANCE)
 BASELINE_GROUPS += (HEADING, HEADING_SIGMA, PITCH, PITCH_SIGMA, LENGTH, LENGTH_SIGMA)
+Samples: TypeAlias = Mapping[str, FloatArray]
 Block: TypeAlias = tuple[tuple[str, ...], FloatArray]  # names of columns, (k, c)
 LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
 # What no instrument and no flight has, by the end of a column's name; beyond lies damage, and the
@@ -53,7 +54,20 @@ def largest(name: str) -> float:
     return next((most for end, most in _LARGEST.items() if name.endswith(end)), _LARGEST_OTHER)
 
 
-def columns_to_vectors(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
+def samples(t_s: FloatArray, *blocks: Block) -> Samples:
+    """Return a table of times and of blocks, (k, c) or (k,), under their columns' names."""
+    table: dict[str, FloatArray] = {"t_s": np.asarray(t_s, np.float64)}
+    for names, block in blocks:
+        table |= vectors(names, block.reshape(len(t_s), len(names)))
+    return table
+
+
+def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
+    """Return columns by name of a block, (k, c)."""
+    return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
+
+
+def columns_to_vectors(table: Samples, names: tuple[str, ...]) -> FloatArray:
     """Return (k, c) of c columns."""
     return np.stack([table[name] for name in names], axis=1)
 

@@ -27,6 +27,7 @@ from fgnav.io.flight.columns import (
     VELOCITY,
     VELOCITY_SIGMA,
     Block,
+    Samples,
     columns_to_vectors,
     stated_sigma,
 )
@@ -45,7 +46,6 @@ from fgnav.io.tables import read_table
 from fgnav.types.flight import Baseline, Fixes, Imu, Seeker, Truth
 from fgnav.types.surroundings import Barometer, Magnetometer
 
-_Samples = Mapping[str, FloatArray]
 # Of each table: the columns it must have, and groups that are there in full or not at all.
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "imu": (("t_s", *FORCE), (RATE,)),
@@ -113,7 +113,7 @@ def blocks_of(record: Any, origin: Origin, fixes: Sequence[Fixes]) -> list[Block
     return [(names, block) for names, block in blocks if block is not None]
 
 
-def _imu(samples: _Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:
+def _imu(samples: Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:
     """Return an inertial unit: its axes rotated to the body's, its clock set."""
     R_bu = mounting(keys.axes, keys.mounting_deg)
     gyroscope = RATE[0] in samples
@@ -166,7 +166,7 @@ def within_a_sample_s(t_s: FloatArray) -> float:
     return float(np.median(np.diff(t_s)) / np.sqrt(12)) if len(t_s) > 1 else 0.0
 
 
-def _fixes(samples: _Samples, keys: Any, at: Surroundings, file: Path) -> Fixes:  # noqa: ANN401
+def _fixes(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Fixes:  # noqa: ANN401
     """Return fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
     p_n_m = place_to_n(at.origin, columns_to_vectors(samples, PLACE))
     if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
@@ -190,11 +190,11 @@ def _fixes(samples: _Samples, keys: Any, at: Surroundings, file: Path) -> Fixes:
     )
 
 
-def _baseline(samples: _Samples, keys: Any, at: Surroundings, file: Path) -> Baseline:  # noqa: ANN401
+def _baseline(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Baseline:  # noqa: ANN401
     return baseline_of(samples, keys.antennas, at.origin, at.fixes, file)
 
 
-def _seeker(samples: _Samples, keys: SeekerTable, at: Surroundings, _file: Path) -> Seeker:
+def _seeker(samples: Samples, keys: SeekerTable, at: Surroundings, _file: Path) -> Seeker:
     table = read_table(at.folder / keys.calibration, CALIBRATION, increasing=CALIBRATION[0])
     landmark = np.array([[getattr(keys.landmark, name) for name in PLACE]])
     values = values_of(keys, Seeker) | {"calibration": columns_to_vectors(table, CALIBRATION)}
@@ -206,17 +206,17 @@ def _seeker(samples: _Samples, keys: SeekerTable, at: Surroundings, _file: Path)
     )
 
 
-def _barometer(samples: _Samples, keys: Any, _at: Surroundings, _file: Path) -> Barometer:  # noqa: ANN401
+def _barometer(samples: Samples, keys: Any, _at: Surroundings, _file: Path) -> Barometer:  # noqa: ANN401
     height_m = samples[HEIGHT[0]]
     return Barometer(t_s=samples["t_s"], height_m=height_m, **values_of(keys, Barometer))
 
 
-def _magnetometer(samples: _Samples, keys: Any, _at: Surroundings, _file: Path) -> Magnetometer:  # noqa: ANN401
+def _magnetometer(samples: Samples, keys: Any, _at: Surroundings, _file: Path) -> Magnetometer:  # noqa: ANN401
     field_b_ut = columns_to_vectors(samples, FIELD)
     return Magnetometer(t_s=samples["t_s"], field_b_ut=field_b_ut, **values_of(keys, Magnetometer))
 
 
-def _truth(samples: _Samples, keys: TruthTable, at: Surroundings, file: Path) -> Truth:
+def _truth(samples: Samples, keys: TruthTable, at: Surroundings, file: Path) -> Truth:
     """Return the truth, or a reference taken as such."""
     integers = read_integers(at.folder / keys.integers) if keys.integers else None
     for name in sorted(set(integers.antennas) - set(at.antennas) if integers is not None else ()):

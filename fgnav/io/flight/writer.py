@@ -10,7 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError
 from fgnav.io.flight import networks
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.columns import CALIBRATION, FORMATS, PLACE
+from fgnav.io.flight.columns import CALIBRATION, FORMATS, PLACE, samples
 from fgnav.io.flight.integers import write_integers
 from fgnav.io.flight.keys import table_of
 from fgnav.io.flight.local_frame import place_of_n
@@ -149,10 +149,9 @@ def _records(flight: Flight, folder: Path) -> dict[str, Any]:
         found = getattr(flight, "baselines" if kind == "baseline" else kind)
         tables = []
         for k, record in enumerate(found if kind in SEVERAL else filter(None, [found])):
-            name, columns = numbered(kind, k), {"t_s": record.t_s}
-            for names, block in blocks_of(record, flight.origin, flight.fixes):
-                columns |= dict(zip(names, block.T, strict=True))
-            write_table(folder / name, columns, FORMATS)
+            name = numbered(kind, k)
+            blocks = blocks_of(record, flight.origin, flight.fixes)
+            write_table(folder / name, samples(record.t_s, *blocks), FORMATS)
             more = _more(record, flight, folder)
             tables.append(table_of(table, record, samples=name, **more))
         keys[kind] = tuple(tables) if kind in SEVERAL else next(iter(tables), None)

@@ -14,13 +14,13 @@ from fgnav.checks import BadInputError, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.columns import FORMATS
+from fgnav.io.flight.columns import FORMATS, Samples
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.flight.keys import table_of
 from fgnav.io.flight.writer import FILE_NAME, check_empty, numbered
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
-from fgnav.io.importers.recording import Recording, Samples, cleaned
+from fgnav.io.importers.recording import Recording, cleaned
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import write_table
 from fgnav.io.toml_writer import write_toml

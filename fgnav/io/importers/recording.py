@@ -8,11 +8,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
-from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, fault_of_columns, largest
+from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, Samples, fault_of_columns, largest
 from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
 
-Samples: TypeAlias = Mapping[str, FloatArray]
 # After which counters begin anew: 32 bits of ns, us and ms; a day, a week.
 _PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
 _NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
@@ -166,19 +165,6 @@ def _in_order(t_s: FloatArray) -> BoolArray:
         if len(made_up) and t_s[start + made_up[0] + 1] > latest_s[start - 1]:
             later[start : start + made_up[0] + 1] = False
     return later
-
-
-def samples(t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray]) -> Samples:
-    """Return a table of times and of blocks, (k, c) or (k,), under their columns' names."""
-    table: dict[str, FloatArray] = {"t_s": np.asarray(t_s, np.float64)}
-    for names, block in blocks:
-        table |= vectors(names, block.reshape(len(t_s), len(names)))
-    return table
-
-
-def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
-    """Return columns by name of a block, (k, c)."""
-    return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
 
 
 def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Loss:

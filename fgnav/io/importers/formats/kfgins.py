@@ -15,8 +15,9 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import WEEK_S
-from fgnav.io.importers.recording import Recording, Samples, samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.user_files import read_lines
 

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import vectors
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.text_columns import read_dates
-from fgnav.io.importers.recording import Recording, unused_columns, vectors
+from fgnav.io.importers.recording import Recording, unused_columns
 from fgnav.io.importers.settings import Settings
 from fgnav.io.user_files import read_lines
 

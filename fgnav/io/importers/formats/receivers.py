@@ -11,12 +11,13 @@ from tempfile import mkdtemp
 from typing import Any
 
 from fgnav.checks import BadInputError, Loss
+from fgnav.io.flight.columns import Samples
 from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.importers.formats import sentences
 from fgnav.io.importers.formats.readers import foreign
 from fgnav.io.importers.formats.solution import TAKEN, Solution, baseline, fixes
 from fgnav.io.importers.formats.streams import messages
-from fgnav.io.importers.recording import Recording, Samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert

@@ -10,9 +10,9 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import WEEK_S, gps_of_utc
 from fgnav.io.importers.formats.streams import Log
-from fgnav.io.importers.recording import Samples, samples
 
 _MM, _CM, _MS = 1e-3, 1e-2, 1e-3
 _MOST = 1e9  # SBF writes -2e10 where it has no value

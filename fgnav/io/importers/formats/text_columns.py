@@ -17,11 +17,11 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
 from fgnav.geometry.earth import Origin
-from fgnav.io.flight.columns import BASELINE, PLACE
+from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording, Samples, unused_columns, vectors
+from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
 from fgnav.io.user_files import encoding_of, max_bytes, plain_name
