@@ -1,6 +1,6 @@
 """Signals by their RINEX 3 names: carrier frequencies, and which signal of a band is used."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,7 +113,11 @@ class Selection:
 
 
 def select(
-    observations: Observations, *, causal: bool = False, code_alone: bool = False
+    observations: Observations,
+    *,
+    causal: bool = False,
+    code_alone: bool = False,
+    preferred: Mapping[tuple[str, str], str] | None = None,
 ) -> Selection:
     """Choose for every constellation and band the signal each antenna uses.
 
@@ -127,6 +131,9 @@ def select(
     causal : bool
         Each antenna by the epochs up to the first at which it has code of that band: what it
         chooses there it keeps.
+    preferred : mapping or None
+        Signals by constellation's letter and band that go before all others: those of a receiver
+        that is compared with this one.
     """
     coded, phased = np.isfinite(observations.code_m), np.isfinite(observations.phase_cycles)
     counts = np.stack([coded.sum(axis=0), phased.sum(axis=0)])  # (2, a, c)
@@ -142,8 +149,11 @@ def select(
     rows, signals = [], {}
     decided = {} if observations.earlier is None else observations.earlier.signals
     for key, by_signal in columns.items():
+        first = (preferred or {}).get(key)
         chosen = decided.get(key) or (
-            _chosen_first(coded, phased, by_signal) if causal else _chosen(counts, by_signal)
+            _chosen_first(coded, phased, by_signal, first)
+            if causal
+            else _chosen(counts, by_signal, first)
         )
         signals[key] = tuple(chosen)
         for satellite in sorted({satellite for of in by_signal.values() for satellite in of}):
@@ -161,12 +171,15 @@ def select(
     )
 
 
-def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> Sequence[str | None]:
+def _chosen(
+    counts: IntArray, by_signal: dict[str, dict[str, int]], preferred: str | None
+) -> Sequence[str | None]:
     """Return the signal of one band that each antenna takes, by its codes and phases, (2, a, c)."""
     of_signal = {s: counts[:, :, list(of.values())].sum(axis=2) for s, of in by_signal.items()}
 
-    def rank(signal: str) -> tuple[int, int]:
-        return int((of_signal[signal][0] > 0).sum()), int(of_signal[signal].sum())
+    def rank(signal: str) -> tuple[bool, int, int]:
+        of = of_signal[signal]
+        return signal == preferred, int((of[0] > 0).sum()), int(of.sum())
 
     order = sorted(of_signal, key=rank, reverse=True)
     antennas = range(counts.shape[1])
@@ -174,7 +187,7 @@ def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> Sequence[
 
 
 def _chosen_first(
-    coded: BoolArray, phased: BoolArray, by_signal: dict[str, dict[str, int]]
+    coded: BoolArray, phased: BoolArray, by_signal: dict[str, dict[str, int]], preferred: str | None
 ) -> Sequence[str | None]:
     """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
     by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
@@ -184,7 +197,7 @@ def _chosen_first(
     chosen: list[str | None] = []
     for i, k in enumerate(first.tolist()):
         counts = np.stack([x[: k + 1].sum(axis=0) for x in (coded, phased)])
-        chosen.append(_chosen(counts, by_name)[i] if k >= 0 else None)
+        chosen.append(_chosen(counts, by_name, preferred)[i] if k >= 0 else None)
     return chosen
 
 

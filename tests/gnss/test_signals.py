@@ -122,6 +122,16 @@ def test_a_signal_with_phases_goes_before_one_with_codes_alone(causal):
     assert chosen.signals == ("1W",)
 
 
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_base_takes_the_signal_of_the_rover_where_it_has_it(causal):
+    channels = [("G01", "2W"), ("G02", "2W"), ("G01", "2X")]
+    base = observed(channels, np.ones((1, 3), dtype=bool))
+    assert select(base, causal=causal).signals == ("2W", "2W")
+    of_rover = {("G", "2"): "2X", ("E", "1"): "1C"}
+    assert select(base, causal=causal, preferred=of_rover).signals == ("2X",)
+    assert select(base, causal=causal, preferred={("G", "2"): "2L"}).signals == ("2W", "2W")
+
+
 def test_nothing_observed_selects_nothing():
     chosen = select(observed([("G01", "1C")], np.zeros((2, 1), dtype=bool)))
     assert chosen.satellites == ()
