@@ -13,8 +13,8 @@ from fgnav.checks import Loss
 from fgnav.frontend.matching import nearest, unused
 from fgnav.geometry.earth import Origin
 from fgnav.gravity import GravityDirection, GravityEstimator
+from fgnav.methods.smoothing.custom_sources import with_networks
 from fgnav.methods.smoothing.default_networks import default_networks
-from fgnav.methods.smoothing.own_sources import with_networks
 from fgnav.types.flight import Flight
 
 # Who gives the direction of gravity; None: no pairs of gravity, and none of specific force.

@@ -88,10 +88,10 @@ class _Eliminated(NamedTuple):
 
 
 class _Flight:
-    """A problem and factors of one's own, linearised again and again."""
+    """A problem and custom factors, linearised again and again."""
 
-    def __init__(self, problem: SmoothingProblem, own: Sequence[gtsam.NonlinearFactor]) -> None:
-        self._problem, self._own, self._layout = problem, own, Layout.of(problem)
+    def __init__(self, problem: SmoothingProblem, custom: Sequence[gtsam.NonlinearFactor]) -> None:
+        self._problem, self._custom, self._layout = problem, custom, Layout.of(problem)
         phase, last = problem.phase, len(problem.t_s) - 1
         self._arcs: dict[int, list[tuple[int, int]]] = {}  # that end with a keyframe
         if phase is not None:
@@ -112,8 +112,10 @@ class _Flight:
         for k, leading in self._leading(at.arcs):
             factors[k].append(leading)
             cost += float(leading.getb() @ leading.getb())
-        values = flight_values(self._problem, at.states, at.arcs) if self._own else gtsam.Values()
-        for factor in self._own:
+        values = (
+            flight_values(self._problem, at.states, at.arcs) if self._custom else gtsam.Values()
+        )
+        for factor in self._custom:
             custom = factor.linearize(values)
             if custom is not None:  # a factor that is not active is none
                 factors[self._oldest(factor)].append(custom)
@@ -140,7 +142,7 @@ class _Flight:
         return [(k, phase.leading(j, arcs)) for j, k in enumerate(ends)]
 
     def _oldest(self, factor: gtsam.NonlinearFactor) -> int:
-        """Return the first keyframe that a factor of one's own touches; 0 of none."""
+        """Return the first keyframe that a custom factor touches; 0 of none."""
         touched = [key for key in factor.keys() if not keys.is_constant(key)]  # noqa: SIM118
         return min((self._end.get(key, keys.index(key)) for key in touched), default=0)
 
@@ -149,7 +151,7 @@ def descended(
     problem: SmoothingProblem,
     *,
     begin: States | None = None,
-    own: Sequence[gtsam.NonlinearFactor] = (),
+    custom: Sequence[gtsam.NonlinearFactor] = (),
     most: int = ITERATIONS,
 ) -> Minimum:
     """Return the minimum that a search ends in; not converged if it ends in none.
@@ -159,8 +161,8 @@ def descended(
     problem : SmoothingProblem
     begin : States, optional
         Where the search begins, instead of ``problem.start``: where a window ended.
-    own : sequence of gtsam.NonlinearFactor
-        Factors of one's own.
+    custom : sequence of gtsam.NonlinearFactor
+        Custom factors.
     most : int
         Iterations after which a search is given up.
 
@@ -169,7 +171,7 @@ def descended(
     NoSolutionError
         Naming the state that the data leave open, and when.
     """
-    flight = _Flight(problem, own)
+    flight = _Flight(problem, custom)
     here = flight.eliminated(flight.linear(flight.place(problem.start if begin is None else begin)))
     trial, iterations, damping, previous = here.moved(), 1, 0.0, np.inf
     is_kept, aim = True, STEP_SIGMAS**2  # the last promise, as far as damping may be lowered

@@ -98,8 +98,8 @@ class Entering:
         self._keyframes.append(_Keyframe([*known], measured, self.block, begins))
         self._add(self._keyframes[-1])
 
-    def own(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
-        """Take in a factor of one's own, of one keyframe counted from the oldest, or of several."""
+    def custom(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
+        """Take in a custom factor, of one keyframe counted from the oldest, or of several."""
         self.graph.add(factor)
         if row is not None:
             self._keyframes[row].factors.append(factor)

@@ -89,7 +89,7 @@ class LinearWindow:
         self._changed.add(number)
 
     def add_custom(self, numbers: Sequence[int], factor: gtsam.NonlinearFactor) -> None:
-        """Take in a factor of one's own that touches some keyframes, and constants."""
+        """Take in a custom factor that touches some keyframes, and constants."""
         self._custom.append((tuple(numbers), factor))
         self._changed.add(min(numbers))
 
