@@ -11,7 +11,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.custom_factors import Custom, CustomFactors
-from fgnav.solve.descent import ITERATIONS, Minimum, descended
+from fgnav.solve.gauss_newton import ITERATIONS, Minimum, gauss_newton
 from fgnav.solve.minima import BEGIN_LAG_S, begins, distinct, mixture
 
 
@@ -38,7 +38,7 @@ def solve_batch(problem: SmoothingProblem, *, custom: Sequence[Custom] = ()) -> 
     ends, failure = [], NoSolutionError("state: there is nowhere to begin")
     for states in begins(problem, entering.within(BEGIN_LAG_S)):
         try:
-            ends.append(descended(problem, begin=states, custom=entering.factors))
+            ends.append(gauss_newton(problem, begin=states, custom=entering.factors))
         except NoSolutionError as error:
             failure = error
     if not ends:
@@ -56,4 +56,6 @@ def minimum(
 
     Given up after ``most`` iterations. Parameters and errors are those of ``solve_batch``.
     """
-    return descended(problem, begin=begin, custom=CustomFactors(custom, problem).factors, most=most)
+    return gauss_newton(
+        problem, begin=begin, custom=CustomFactors(custom, problem).factors, most=most
+    )

@@ -25,8 +25,8 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.custom_factors import Custom
-from fgnav.solve.descent import Minimum
 from fgnav.solve.fixed_lag import solve_fixed_lag
+from fgnav.solve.gauss_newton import Minimum
 
 BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 _APART_SIGMAS = 1.0  # searches that end closer than this have the same minimum

@@ -22,7 +22,7 @@ from fgnav.types.estimate import open_angle_variance_rad2
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import NamedFactor
-    from fgnav.solve.descent import Minimum
+    from fgnav.solve.gauss_newton import Minimum
 
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.

@@ -161,7 +161,7 @@ class Entering:
         if block > self.block:
             self.block = block
             self._begin(block, phase.blocks[block - phase.first_block].size, smoother, k)
-            begins = phase.entering(block)
+            begins = phase.transition_factor(block)
         return [phase.factor(i, k)], begins
 
     def _begin(self, block: int, size: int, smoother: IncrementalSmoother, k: int) -> None:
