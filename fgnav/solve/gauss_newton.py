@@ -112,9 +112,9 @@ class _Flight:
         for k, transition in self._transitions(at.arcs):
             factors[k].append(transition)
             cost += float(transition.getb() @ transition.getb())
-        values = (
-            flight_values(self._problem, at.states, at.arcs) if self._custom else gtsam.Values()
-        )
+        values = gtsam.Values()
+        if self._custom:
+            values = flight_values(self._problem, at.states, at.arcs)
         for factor in self._custom:
             custom = factor.linearize(values)
             if custom is not None:  # a factor that is not active is none
@@ -136,7 +136,7 @@ class _Flight:
     def _transitions(
         self, arcs: Mapping[int, FloatArray]
     ) -> list[tuple[int, gtsam.JacobianFactor]]:
-        """Return transitions from ambiguities to the next, by the keyframe that each enters with."""
+        """Return transitions from ambiguities to the next, by the keyframe that has each."""
         phase = self._problem.phase
         if phase is None:
             return []

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fgnav.solve.descent import gauss_newton
+from fgnav.solve.gauss_newton import gauss_newton
 
 from fgnav.checks import NoSolutionError
 from tests.solve.linear_flight import dense, random_problem
