@@ -32,10 +32,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.build import Layout
-from fgnav.graph.linear import keyframe_factor, linearise
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import keyframe_factor, linearise
 
 
 class Judged(NamedTuple):

@@ -27,11 +27,11 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
-from fgnav.graph.linear import linearise
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import linearise
 
 STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most

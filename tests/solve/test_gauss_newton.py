@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fgnav.solve.gauss_newton import gauss_newton
 
 from fgnav.checks import NoSolutionError
+from fgnav.solve.gauss_newton import gauss_newton
 from tests.solve.linear_flight import dense, random_problem
 
 CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]

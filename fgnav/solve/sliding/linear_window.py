@@ -18,11 +18,11 @@ from fgnav.graph.build import (
     insert_keyframe,
     insert_variables,
 )
-from fgnav.graph.linear import linearise
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States, joined
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import linearise
 from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.relinearisation import has_gyroscope
 

@@ -7,10 +7,10 @@ import numpy as np
 
 from fgnav.evaluation.scores import errors_against
 from fgnav.graph.build import flight_values
-from fgnav.graph.linear import linearise
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
+from fgnav.solve.linear import linearise
 from fgnav_sim.gnss.tables import OutageTable
 from tests.gnss.based import flown
 from tests.solve.flights import flight_graph
