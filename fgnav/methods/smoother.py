@@ -279,9 +279,9 @@ class Smoother:
         prepared, sourced = custom_factors(sources, flight, prepared)
         custom = sourced.factors
         if custom:
-            from fgnav.methods.smoothing.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
+            from fgnav.methods.smoothing.custom_heading import with_custom_heading  # noqa: PLC0415  # lazy: gtsam
 
-            prepared = with_own_heading(prepared, custom)
+            prepared = with_custom_heading(prepared, custom)
         solution = self._solve(prepared, custom)
         series = (
             *innovation_series(prepared.problem, solution),

@@ -22,7 +22,7 @@ _DETERMINED_RAD = np.radians(15.0)  # 1-sigma at most: sin x = x within 1.2 %
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
 
 
-def with_own_heading(prepared: PreparedFlight, custom: Sequence[NamedFactor]) -> PreparedFlight:
+def with_custom_heading(prepared: PreparedFlight, custom: Sequence[NamedFactor]) -> PreparedFlight:
     """Return a flight whose heading is known from where custom factors determine it.
 
     The search starts where those so far have the heading, carried back to the first keyframe as
