@@ -196,7 +196,7 @@ def flight_graph(
     phase = problem.phase
     if phase is not None:
         for j in range(len(phase.blocks)):
-            graph.add(phase.entering(j))
+            graph.add(phase.transition_factor(j))
         for i, k in enumerate(phase.row.tolist()):
             graph.add(phase.factor(i, k))
     for factor in own:

@@ -68,7 +68,7 @@ def test_batch_is_the_least_cost_with_its_covariances(gyroscope: bool, is_far: b
                 keys.pose(1), keys.pose(9), gtsam.Pose3(gtsam.Rot3(R), p), noise
             )
         ]
-    solution = solve_batch(problem, own=own)
+    solution = solve_batch(problem, custom=own)
     step, P = _dense(problem, solution.states, own)
     assert solution.converged
     assert np.abs(step / np.sqrt(np.diag(P))).max() < 0.02

@@ -15,6 +15,7 @@ References
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import cast
 
 import gtsam
 import numpy as np
@@ -250,7 +251,8 @@ class Inertial:
                 parts[i, -1] = np.eye(_WIDTH)
                 continue
             about = np.nan_to_num(self._store.biases[k])
-            white = self._factor(k, 0, 1, about).noiseModel().R()
+            model = self._factor(k, 0, 1, about).noiseModel()
+            white = cast("gtsam.noiseModel.Gaussian", model).R()
             for c, noises in enumerate(one_each):
                 made = self._summed(k, about, self._parameters(k, *noises), _COARSE_STEPS)
                 parts[i, c] = white @ made.residualCovariance() @ white.T

@@ -7,10 +7,10 @@ import numpy as np
 
 from fgnav.evaluation.scores import errors_against
 from fgnav.graph.build import flight_values
-from fgnav.graph.linear import linearised
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
+from fgnav.solve.linear import linearise
 from fgnav_sim.gnss.tables import OutageTable
 from tests.gnss.based import flown
 from tests.solve.flights import flight_graph
@@ -36,10 +36,10 @@ def test_linear_factors_are_those_of_gtsams_graph():
     outage = OutageTable(from_s=1.0, until_s=1.5)
     problem = Batch(**SET_UP).prepare(flown(base=None, span_s=4.0, outages=(outage,))).problem
     states, n = problem.start, len(problem.t_s)
-    linear = linearised(problem, np.arange(n), states, states.at(slice(0, n - 1)))
+    linear = linearise(problem, np.arange(n), states, states.at(slice(0, n - 1)))
     ours = gtsam.GaussianFactorGraph()
-    leading = [problem.phase.leading(j) for j in range(len(problem.phase.blocks))]
-    for factor in (*chain.from_iterable(linear.by_oldest()), *leading):
+    leading = [problem.phase.transition(j) for j in range(len(problem.phase.blocks))]
+    for factor in (*chain.from_iterable(linear.factors_by_keyframe()), *leading):
         ours.push_back(factor)
     theirs = flight_graph(problem, states).linearize(flight_values(problem, states))
     (H, g), (expected, slope) = ours.hessian(), theirs.hessian()
