@@ -153,7 +153,7 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
     from fgnav.io.atomic_write import check_folder, check_place  # noqa: PLC0415
-    from fgnav.io.exports.estimate_csv import ESTIMATE, SUMMARY  # noqa: PLC0415
+    from fgnav.io.exports.tables import ESTIMATE, SUMMARY  # noqa: PLC0415
     from fgnav.io.flight.folder import files_of  # noqa: PLC0415
 
     places = [Path(file) for file in files if file is not None and file != "-"]

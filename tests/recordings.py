@@ -9,9 +9,9 @@ import numpy as np
 from fgnav.geometry.earth import Origin, ecef
 from fgnav.io.flight.series import within_a_sample_s
 from fgnav.io.gps_time import GPS_EPOCH
-from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.settings import Settings
 from fgnav.types.flight import Antenna, Fixes, Flight, Imu
+from tests.io.importers.helpers import whole_of
 from tests.umn import read_umn
 
 G_MPS2 = 9.80665
@@ -125,7 +125,7 @@ def uav(shared: Path) -> Flight:
     """Return flight 75 of Thor, a UAV, with its on-board filter as reference."""
     settings = Settings()
     file = shared / "flights" / "thor75" / "thor_flight75.mat"
-    return assemble([read_umn(file, settings, file.parent)], settings).flight
+    return whole_of([read_umn(file, settings, file.parent)], settings).flight
 
 
 def kitti(until_s: float = np.inf, *, position_sigma_m: float = 0.01) -> Flight:

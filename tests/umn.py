@@ -17,7 +17,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
 from fgnav.io.flight import columns as col
-from fgnav.io.importers.recording import Recording, Samples, vectors
+from fgnav.io.flight.columns import Samples, vectors
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 
 # The recordings do not state them: an ADIS16405 on a vibrating airframe, a code receiver. Vibration

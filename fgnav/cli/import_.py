@@ -69,13 +69,13 @@ def import_(
                 imported.append(importer_named(name)(file, stated, Path(scratch)))
         with step(f"writing {out}"):
             assembled = assemble(imported, stated)
-            write(assembled, out, verify=bool(assembled.observations and assembled.navigation))
-    flight = assembled.flight
-    losses = [asdict(loss) for loss in flight.losses]
+            gnss, files = assembled.table.gnss, assembled.files
+            write(assembled, out, verify=not files or bool(gnss.navigation or gnss.orbits))
+    flight, losses = assembled.table.name, [asdict(loss) for loss in assembled.losses]
     write_json(
         json,
         {
-            "flight": flight.name,
+            "flight": flight,
             "folder": str(out),
             "losses": losses,
             "notes": dict(assembled.notes),
@@ -83,6 +83,6 @@ def import_(
         },
     )
     if json != "-":
-        lines = unused_lines(flight.losses)
+        lines = unused_lines(assembled.losses)
         notes = [f"{key}: {text}" for key, text in (assembled.notes | assembled.missing).items()]
-        show_lines([f"{flight.name}: written to {out}", *lines, *notes])
+        show_lines([f"{flight}: written to {out}", *lines, *notes])

@@ -73,7 +73,7 @@ def new(
             )
     edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
     names = {str(one): name for one, (name, _) in files.items()}
-    losses = assembled.flight.losses
+    losses = assembled.losses
     counted = [asdict(loss) for loss in losses]
     content = {"folder": str(out), "formats": names, "losses": counted, "edit": list(edits)}
     write_json(json, content)

@@ -1,6 +1,6 @@
 """Signals by their RINEX 3 names: carrier frequencies, and which signal of a band is used."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,12 +113,16 @@ class Selection:
 
 
 def select(
-    observations: Observations, *, causal: bool = False, code_alone: bool = False
+    observations: Observations,
+    *,
+    causal: bool = False,
+    code_alone: bool = False,
+    preferred: Mapping[tuple[str, str], str] | None = None,
 ) -> Selection:
     """Choose for every constellation and band the signal each antenna uses.
 
-    The signal that the most antennas track goes first, then the one with the most observations: two
-    signals on one carrier come from the same tracking loops and are not two measurements.
+    The signal that the most antennas track goes first, then the one with the most codes and phases:
+    two signals on one carrier come from the same tracking loops and are not two measurements.
 
     Parameters
     ----------
@@ -127,9 +131,12 @@ def select(
     causal : bool
         Each antenna by the epochs up to the first at which it has code of that band: what it
         chooses there it keeps.
+    preferred : mapping or None
+        Signals by constellation's letter and band that go before all others: those of a receiver
+        that is compared with this one.
     """
-    coded = np.isfinite(observations.code_m)  # (n, a, c)
-    counts = coded.sum(axis=0)
+    coded, phased = np.isfinite(observations.code_m), np.isfinite(observations.phase_cycles)
+    counts = np.stack([coded.sum(axis=0), phased.sum(axis=0)])  # (2, a, c)
     columns: dict[tuple[str, str], dict[str, dict[str, int]]] = {}
     for column, (satellite, signal) in enumerate(
         zip(observations.satellites, observations.signals, strict=True)
@@ -142,8 +149,11 @@ def select(
     rows, signals = [], {}
     decided = {} if observations.earlier is None else observations.earlier.signals
     for key, by_signal in columns.items():
+        first = (preferred or {}).get(key)
         chosen = decided.get(key) or (
-            _chosen_first(coded, by_signal) if causal else _chosen(counts, by_signal)
+            _chosen_first(coded, phased, by_signal, first)
+            if causal
+            else _chosen(counts, by_signal, first)
         )
         signals[key] = tuple(chosen)
         for satellite in sorted({satellite for of in by_signal.values() for satellite in of}):
@@ -151,33 +161,44 @@ def select(
             names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
             if names:
                 rows.append((satellite, names[0], row))
-    channel = np.array([row for _, _, row in rows], dtype=np.int64).reshape(-1, len(counts)).T
+    channel = np.array([row for _, _, row in rows], dtype=np.int64).reshape(-1, coded.shape[1]).T
     return Selection(
         satellites=tuple(satellite for satellite, _, _ in rows),
         signals=tuple(signal for _, signal, _ in rows),
         channel=channel,
         chosen=signals,
-        losses=_unused(observations, counts, channel),
+        losses=_unused(observations, counts[0], channel),
     )
 
 
-def _chosen(counts: IntArray, by_signal: dict[str, dict[str, int]]) -> Sequence[str | None]:
-    """Return the signal of one band that each antenna takes, by its code observations (a, c)."""
-    tracked = {s: counts[:, list(of.values())].sum(axis=1) for s, of in by_signal.items()}
-    order = sorted(tracked, key=lambda s: ((tracked[s] > 0).sum(), tracked[s].sum()))[::-1]
-    return [next((s for s in order if tracked[s][i] > 0), None) for i in range(len(counts))]
+def _chosen(
+    counts: IntArray, by_signal: dict[str, dict[str, int]], preferred: str | None
+) -> Sequence[str | None]:
+    """Return the signal of one band that each antenna takes, by its codes and phases, (2, a, c)."""
+    of_signal = {s: counts[:, :, list(of.values())].sum(axis=2) for s, of in by_signal.items()}
+
+    def rank(signal: str) -> tuple[bool, int, int]:
+        of = of_signal[signal]
+        return signal == preferred, int((of[0] > 0).sum()), int(of.sum())
+
+    order = sorted(of_signal, key=rank, reverse=True)
+    antennas = range(counts.shape[1])
+    return [next((s for s in order if of_signal[s][0, i] > 0), None) for i in antennas]
 
 
-def _chosen_first(coded: BoolArray, by_signal: dict[str, dict[str, int]]) -> Sequence[str | None]:
+def _chosen_first(
+    coded: BoolArray, phased: BoolArray, by_signal: dict[str, dict[str, int]], preferred: str | None
+) -> Sequence[str | None]:
     """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
     by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
     columns = [column for of in by_name.values() for column in of.values()]
     tracks = coded[:, :, columns].any(axis=2)
     first = np.where(tracks.any(axis=0), tracks.argmax(axis=0), -1)
-    return [
-        _chosen(coded[: k + 1].sum(axis=0), by_name)[i] if k >= 0 else None
-        for i, k in enumerate(first.tolist())
-    ]
+    chosen: list[str | None] = []
+    for i, k in enumerate(first.tolist()):
+        counts = np.stack([x[: k + 1].sum(axis=0) for x in (coded, phased)])
+        chosen.append(_chosen(counts, by_name, preferred)[i] if k >= 0 else None)
+    return chosen
 
 
 def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> tuple[Loss, ...]:

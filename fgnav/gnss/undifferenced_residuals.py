@@ -36,7 +36,8 @@ def residuals_of_base(
     base = flight.base
     if base is None:
         raise NoSolutionError(f"flight {flight.name}: has no base station")
-    chosen = select(base.observations, causal=True)
+    of_rover = {(s[0], band(s, g)): g for s, g in names}
+    chosen = select(base.observations, causal=True, preferred=of_rover)
     pairs = zip(chosen.satellites, chosen.signals, strict=True)
     place = {(s, band(s, g)): int(c) for (s, g), c in zip(pairs, chosen.channel[0], strict=True)}
     columns = np.array([place.get((s, band(s, g)), -1) for s, g in names], dtype=np.int64)

@@ -2,16 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
-from fgnav.io.rinex.signals import same_signal
 from fgnav.types.observations import Observations
 
 _GRID_S = 1e-3  # nominal intervals are whole milliseconds
 _TOLERANCE = 0.25  # of the interval
+_VALUES = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz")
 _LARGEST_TOLERANCE_S = 0.02  # a receiver whose clock errs by more is not comparable anyway
 
 
@@ -64,7 +65,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
     Observations
         On the reference antenna's epochs and the union of channels. An antenna without an epoch has
         gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
-        Signals are named as the reference has them (``named_alike``).
 
     Raises
     ------
@@ -77,70 +77,33 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         only = per_antenna[0]
         return replace(only, losses=_named(only.losses, names[0]))
     t_s = per_antenna[0].t_s
-    per_antenna = [per_antenna[0], *(named_alike(one, per_antenna[0]) for one in per_antenna[1:])]
-    channels = sorted(
-        {c for one in per_antenna for c in zip(one.satellites, one.signals, strict=True)}
-    )
-    column = {channel: k for k, channel in enumerate(channels)}
+    pairs = [list(zip(one.satellites, one.signals, strict=True)) for one in per_antenna]
+    channels = sorted({pair for some in pairs for pair in some})
     shape = (len(t_s), len(per_antenna), len(channels))
-    code_m, phase_cycles, doppler_hz = (np.full(shape, np.nan) for _ in range(3))
-    cn0_dbhz = np.full(shape, np.nan, np.float32)
-    lock_flags = np.zeros(shape, np.uint8)
+    arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in _VALUES}
+    arrays["lock_flags"] = np.zeros(shape, np.uint8)
     tag_s = np.repeat(t_s[:, None], len(per_antenna), axis=1)
     losses: list[Loss] = []
     for a, (one, name) in enumerate(zip(per_antenna, names, strict=True)):
-        mine, common = _matched(t_s, one.t_s)
-        if not len(mine):
+        rows, common = _matched(t_s, one.t_s)
+        if not len(rows):
             raise BadInputError(f"antenna {name}: shares no epoch with antenna {names[0]}")
-        pairs = zip(one.satellites, one.signals, strict=True)
-        place = np.ix_(common, np.array([a]), np.array([column[pair] for pair in pairs], int))
-        rows = slice(None) if len(mine) == len(one.t_s) else mine
-        code_m[place] = one.code_m[rows]
-        phase_cycles[place] = one.phase_cycles[rows]
-        doppler_hz[place] = one.doppler_hz[rows]
-        cn0_dbhz[place] = one.cn0_dbhz[rows]
-        lock_flags[place] = one.lock_flags[rows]
+        columns = np.array([channels.index(pair) for pair in pairs[a]], int)
+        for field, array in arrays.items():
+            array[np.ix_(common, np.array([a]), columns)] = getattr(one, field)[rows]
         tag_s[common, a] = one.tag_s[rows, 0]
         losses += _named(one.losses, name)
-        if len(mine) < len(one.t_s):
+        if len(rows) < len(one.t_s):
             reason = f"the reference antenna {names[0]} has no such epoch"
-            losses.append(Loss(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(mine)))
+            losses.append(Loss(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(rows)))
     return Observations(
         t_s=t_s,
         tag_s=tag_s,
         satellites=tuple(satellite for satellite, _ in channels),
         signals=tuple(signal for _, signal in channels),
-        code_m=code_m,
-        phase_cycles=phase_cycles,
-        doppler_hz=doppler_hz,
-        cn0_dbhz=cn0_dbhz,
-        lock_flags=lock_flags,
         losses=tuple(losses),
+        **arrays,
     )
-
-
-def named_alike(one: Observations, reference: Observations) -> Observations:
-    """Return observations whose signals are named as the reference receiver tracks them.
-
-    One receiver may track Galileo's E1 pilot (``1C``), another pilot and data (``1X``): RINEX
-    aligns the phases of the two, so both belong into one channel.
-    """
-    theirs = _signals(reference)
-    mine = _signals(one)
-    names = {}
-    for constellation, signal in mine - theirs:
-        family = same_signal(constellation, signal)
-        akin = {s for c, s in theirs - mine if (c, same_signal(c, s)) == (constellation, family)}
-        if len(akin) == 1:
-            names[constellation, signal] = akin.pop()
-    if not names or len({(c[0], s) for c, s in names.items()}) < len(names):
-        return one
-    pairs = zip(one.satellites, one.signals, strict=True)
-    return replace(one, signals=tuple(names.get((s[0], signal), signal) for s, signal in pairs))
-
-
-def _signals(one: Observations) -> set[tuple[str, str]]:
-    return {(s[0], signal) for s, signal in zip(one.satellites, one.signals, strict=True)}
 
 
 def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArray]:

@@ -1,6 +1,8 @@
 """GPS time in files: dates, leap seconds, and whole ticks of the 1e-7 s that RINEX writes."""
 
 import math
+from collections.abc import Sequence
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -11,6 +13,7 @@ TICKS_PER_S = 10_000_000
 BDT_BEHIND_GPS_S = 14  # fixed since 2006-01-01
 UNIX_OF_GPS_S = 315_964_800  # 1980-01-06 in POSIX time, leap seconds not counted
 WEEK_S = 604_800
+_SECONDS = 61  # of a minute, one of them a leap second
 # GPS minus UTC grew by a second at each of these (IERS Bulletin C; none announced since).
 LEAPS = np.array(
     [
@@ -26,6 +29,25 @@ def to_ticks(gps_s: float) -> int:
     """Return seconds since 1980-01-06 in ticks; a product in double precision would lose one."""
     seconds = math.floor(gps_s)
     return seconds * TICKS_PER_S + round((gps_s - seconds) * TICKS_PER_S)
+
+
+def date_to_gps_s(words: Sequence[str]) -> float:
+    """Return seconds since 1980-01-06 of year, month, day, hour, minute, second; NaN of none."""
+    try:
+        year, month, day, hour, minute = (int(word) for word in words[:5])
+        second = float(words[5])
+        date = datetime(year, month, day, hour, minute)
+    except (ValueError, IndexError):
+        return math.nan
+    if not 0 <= second < _SECONDS:
+        return math.nan
+    return (date - GPS_EPOCH.item()) / timedelta(seconds=1) + second
+
+
+def gps_s_to_date(gps_s: float) -> tuple[int, ...]:
+    """Return year, month, day, hour, minute and whole second of seconds since 1980-01-06."""
+    date: datetime = GPS_EPOCH.item() + timedelta(seconds=math.floor(gps_s))
+    return date.timetuple()[:6]
 
 
 def gps_of_utc(unix_s: FloatArray) -> FloatArray:

@@ -10,14 +10,13 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from fgnav.checks import BadInputError
+from fgnav.io.gps_time import WEEK_S
 
-COMMAND = (sys.executable, "-m", "fgnav.io.rtklib_convert")
-TIMEOUT_S, _TIMEOUT_S_PER_MB = 60.0, 2.0  # RTKLIB reads 70 MB/s
+_COMMAND = (sys.executable, "-m", "fgnav.io.rtklib_convert")
+_TIMEOUT_S, _TIMEOUT_S_PER_MB = 60.0, 2.0  # RTKLIB reads 70 MB/s
 _FORMATS = {"ubx": "UBX", "sbf": "SEPT", "novatel": "OEM4", "rtcm3": "RTCM3"}
-_WEEK_S = 604_800
 _SYSTEMS, _SIGNALS = 7, 64  # RTKLIB's masks of signals
 
 
@@ -25,8 +24,8 @@ def convert(
     path: Path,
     words: Sequence[str],
     *,
-    command: Sequence[str] = COMMAND,
-    timeout_s: float = TIMEOUT_S,
+    command: Sequence[str] = _COMMAND,
+    timeout_s: float = _TIMEOUT_S,
 ) -> None:
     """Convert a file in a child process.
 
@@ -42,16 +41,13 @@ def convert(
     BadInputError
         If the converter crashes, hangs or cannot run: the text names the file.
     """
-    roots = [str(Path(__file__).resolve().parents[2]), os.environ.get("PYTHONPATH", "")]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, roots))}
     limit_s = timeout_s + _TIMEOUT_S_PER_MB * path.stat().st_size / 1e6
     try:
         done = subprocess.run(  # this interpreter, and names of files
             [*command, *words],
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            env=environment,
+            capture_output=True,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
             text=True,
             timeout=limit_s,
             check=False,
@@ -69,31 +65,24 @@ def convert(
         )
 
 
-def options(binding: Any, near_gps_s: str) -> Any:  # noqa: ANN401  # pyrtklib5 has no types
-    """Return RTKLIB's conversion options: RINEX 3.04, every system and signal."""
-    chosen = binding.rnxopt_t()
-    chosen.rnxver = 304
-    chosen.navsys, chosen.freqtype = binding.SYS_ALL, binding.FREQTYPE_ALL
-    chosen.obstype = binding.OBSTYPE_ALL
+def main() -> None:
+    """Convert the file that the command line names: RINEX 3.04, every system and signal."""
+    import pyrtklib5.pyrtklib5 as rtklib  # noqa: PLC0415  # only the child process may load it
+
+    name, path, out, near_gps_s = sys.argv[1:]
+    options = rtklib.rnxopt_t()
+    options.rnxver, options.obstype = 304, rtklib.OBSTYPE_ALL
+    options.navsys, options.freqtype = rtklib.SYS_ALL, rtklib.FREQTYPE_ALL
     for system in range(_SYSTEMS):
         for signal in range(_SIGNALS):
-            chosen.mask[system, signal] = "1"
-    chosen.autopos, chosen.outiono = 1, 1  # a position into the header, ionosphere terms
-    chosen.ttol = 0.005  # s, as RTKLIB's convbin
+            options.mask[system, signal] = "1"
+    options.autopos, options.outiono = 1, 1  # a position into the header, ionosphere terms
+    options.ttol = 0.005  # s, as RTKLIB's convbin
     if near_gps_s:
-        week, seconds = divmod(float(near_gps_s), _WEEK_S)
-        chosen.trtcm = binding.gpst2time(int(week), seconds)
-    return chosen
-
-
-def main() -> None:
-    """Convert the file that the command line names."""
-    import pyrtklib5.pyrtklib5 as binding  # noqa: PLC0415  # only the child process may load it
-
-    name, path, out, *near_gps_s = sys.argv[1:]
+        week, seconds = divmod(float(near_gps_s), WEEK_S)
+        options.trtcm = rtklib.gpst2time(int(week), seconds)
     outputs = [out, str(Path(out).with_suffix(".nav")), *[""] * 7]
-    kind = getattr(binding, f"STRFMT_{_FORMATS[name]}")
-    binding.convrnx(kind, options(binding, "".join(near_gps_s)), path, outputs)
+    rtklib.convrnx(getattr(rtklib, f"STRFMT_{_FORMATS[name]}"), options, path, outputs)
 
 
 if __name__ == "__main__":

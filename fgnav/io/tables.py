@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
-from fgnav.io.flight.columns import largest
+from fgnav.io.flight.columns import fault_of_columns, largest
 from fgnav.io.user_files import read_bytes
 
 _ROWS_AT_ONCE = 20_000
@@ -45,7 +44,9 @@ def read_table(
     """
     content = read_bytes(path, is_text=True)
     names, body = _head(path, content)
-    _check_names(path, names, required, optional)
+    fault = fault_of_columns(names, required, optional)
+    if fault:
+        raise BadInputError(f"{path}: line 1: {fault}")
     if not body.strip():
         raise BadInputError(f"{path}: must hold a row below the column names, has none")
     values = _parse(path, body.replace(b"\r\n", b"\n"), names)
@@ -76,24 +77,6 @@ def _head(path: Path, content: bytes) -> tuple[list[str], bytes]:
         )
     head = content[:size].decode("utf-8-sig", "replace").removesuffix("\r")
     return [name.strip(" ") for name in head.split(",")], content[size + 1 :]
-
-
-def _check_names(
-    path: Path, names: Sequence[str], required: Sequence[str], optional: Sequence[Sequence[str]]
-) -> None:
-    allowed = [*required, *(name for group in optional for name in group)]
-    for name in names:
-        if name not in allowed:
-            near = get_close_matches(name[:80], allowed, n=1, cutoff=0.0)[0]
-            raise BadInputError(
-                f"{path}: line 1: unknown column {quoted(name)}; the nearest known one is {near!r}"
-            )
-        if names.count(name) > 1:
-            raise BadInputError(f"{path}: line 1: column {name!r} must appear once")
-    wanted = [list(required)] + [list(g) for g in optional if any(name in names for name in g)]
-    missing = [name for group in wanted for name in group if name not in names]
-    if missing:
-        raise BadInputError(f"{path}: line 1: column {missing[0]!r} is missing")
 
 
 def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:

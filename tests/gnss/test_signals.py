@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -109,6 +111,25 @@ def test_a_signal_all_antennas_track_goes_before_a_more_frequent_one():
     chosen = select(observed(channels, tracked))
     assert chosen.signals == ("2W", "2W")
     assert sum(loss.count for loss in chosen.losses) == 3
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_signal_with_phases_goes_before_one_with_codes_alone(causal):
+    flight = observed([("G01", "1C"), ("G01", "1W")], np.ones((2, 2), dtype=bool))
+    phases = flight.phase_cycles.copy()
+    phases[..., 0] = np.nan
+    chosen = select(replace(flight, phase_cycles=phases), causal=causal)
+    assert chosen.signals == ("1W",)
+
+
+@pytest.mark.parametrize("causal", [False, True])
+def test_a_base_takes_the_signal_of_the_rover_where_it_has_it(causal):
+    channels = [("G01", "2W"), ("G02", "2W"), ("G01", "2X")]
+    base = observed(channels, np.ones((1, 3), dtype=bool))
+    assert select(base, causal=causal).signals == ("2W", "2W")
+    of_rover = {("G", "2"): "2X", ("E", "1"): "1C"}
+    assert select(base, causal=causal, preferred=of_rover).signals == ("2X",)
+    assert select(base, causal=causal, preferred={("G", "2"): "2L"}).signals == ("2W", "2W")
 
 
 def test_nothing_observed_selects_nothing():

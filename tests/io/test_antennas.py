@@ -9,7 +9,6 @@ from fgnav.checks import BadInputError, Loss
 from fgnav.io.antennas import (
     interval_s,
     merge,
-    named_alike,
     nominal_epochs,
     tolerance_s,
 )
@@ -106,23 +105,3 @@ def test_interval_is_that_of_most_epochs():
     assert interval_s(np.array([5.0])) == 1
     assert tolerance_s(np.array([0.0, 30])) == 0.02
     assert tolerance_s(np.array([0.0, 0.01])) == 0.0025
-
-
-@pytest.mark.parametrize(
-    ("mine", "theirs", "named"),
-    [
-        ("E01 1X", "E01 1C", "1C"),
-        ("G05 5X", "G01 5Q", "5Q"),
-        ("G05 2X", "G05 2W", "2X"),  # L2C and P(Y) are different signals
-        ("G05 1W", "G05 1C", "1W"),
-        ("C11 7Z", "C11 7I", "7Z"),  # B2b and B2I
-        ("E01 1X", "G01 1C", "1X"),
-    ],
-)
-def test_signals_tracked_differently_take_the_name_of_the_reference(mine, theirs, named):
-    assert named_alike(one([0], [mine]), one([0], [theirs])).signals == (named,)
-
-
-def test_signal_that_the_receiver_has_itself_is_not_renamed():
-    both = one([0], ["E01 1C", "E01 1X"])
-    assert named_alike(both, one([0], ["E01 1C"])).signals == ("1C", "1X")

@@ -1,18 +1,20 @@
 """Small inputs after public reports: what is right is in each folder's EXPECT.txt."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import fgnav
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef
 from fgnav.io.importers import importer_named
-from fgnav.io.importers.assemble import Assembled, assemble
 from fgnav.io.importers.guess import guessed
 from fgnav.io.importers.recognise import recognised
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
+from tests.io.importers.helpers import whole_of
 
 # GPS seconds: 2025-07-08 10:00:00, 18 s ahead of UTC.
 START_S = 2374 * 604_800 + 208_800.0
@@ -27,15 +29,15 @@ def case(shared):
     return lambda number: next(folder.glob(f"{number}-*"))
 
 
-def new(path: Path, scratch: Path) -> Assembled:
+def new(path: Path, scratch: Path):
     """Return what ``fgnav new`` makes of a file."""
     name, path = recognised(path, scratch)
     settings = Settings(csv=(guessed(path),) if name == "csv" else ())
-    return assemble([importer_named(name)(path, settings, scratch)], settings)
+    return whole_of([importer_named(name)(path, settings, scratch)], settings)
 
 
-def lost(whole: Assembled) -> dict[str, int]:
-    return {f"{one.what}: {one.reason}": one.count for one in whole.flight.losses}
+def lost(whole) -> dict[str, int]:
+    return {f"{one.what}: {one.reason}": one.count for one in whole.losses}
 
 
 @pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16"])
@@ -204,7 +206,7 @@ def test_fixes_of_two_receivers_are_those_of_two_antennas(case, tmp_path):
     folder = case(18)
     settings = read_settings(folder / "two.toml")
     found = [importer_named("csv")(folder / f"{one}.csv", settings, tmp_path) for one in "ab"]
-    flight = assemble(found, settings).flight
+    flight = whole_of(found, settings).flight
     assert [one.antenna for one in flight.fixes] == ["gps1", "gps2"]
     assert [len(one.t_s) for one in flight.fixes] == [150, 150]
     apart = np.linalg.norm(flight.fixes[1].p_n_m - flight.fixes[0].p_n_m, axis=1)
@@ -264,3 +266,15 @@ def test_three_epochs_of_nine_satellites_are_read(case, number, name, losses):
     if number == "06":
         assert read.code_m[0, 0, 0] == 21729222.175
         assert read.doppler_hz[0, 0, 0] == 2511.351
+
+
+def test_unsteady_timestamps_and_a_loud_unit_are_solved(case):
+    flight = fgnav.load_flight(case(21) / "flight")
+    score = fgnav.compare(flight, [fgnav.Smoother()])["smoother"].score
+    assert score.failure is None
+    assert score.position_rmse_m < 0.02
+    assert 1 < score.attitude_nees_mean < 6
+    assert 1 < score.position_nees_mean < 6
+    matches = (re.search(r"Gyroscope noise.* ([\d.]+) x the nominal", n) for n in score.notes)
+    (factor,) = [float(match[1]) for match in matches if match]
+    assert 15 < factor < 35

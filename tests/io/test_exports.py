@@ -9,13 +9,12 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, from_euler, to_euler
-from fgnav.io.exports.estimate_csv import (
+from fgnav.io.exports.tables import (
     ESTIMATE,
-    EULER_SIGMA,
     SUMMARY,
     write_outcome,
 )
-from fgnav.io.flight.columns import EULER, PLACE, VELOCITY
+from fgnav.io.flight.columns import EULER, EULER_SIGMA, PLACE, VELOCITY
 from fgnav.io.flight.local_frame import attitude_to_n, place_to_n, velocity_to_n
 from fgnav.types.estimate import Estimate
 
@@ -97,7 +96,7 @@ def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise OSError("disk full")
 
-    monkeypatch.setattr("fgnav.io.exports.estimate_csv.write_table", fail)
+    monkeypatch.setattr("fgnav.io.exports.tables.write_table", fail)
     with pytest.raises(BadInputError, match=r"estimate\.csv: cannot be written: disk full"):
         write_outcome(tmp_path, estimate(np.random.default_rng(1)), ORIGIN, {})
     assert path.read_text() == "old"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.causal.truncation import truncated
-from fgnav.io.exports.estimate_csv import write_outcome
+from fgnav.io.exports.tables import write_outcome
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import FixesTable, load_scenario

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fgnav import cli
-from fgnav.io.exports.estimate_csv import ESTIMATE, SUMMARY
+from fgnav.io.exports.tables import ESTIMATE, SUMMARY
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,8 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
     from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
-    from fgnav.io.exports.estimate_csv import ESTIMATE, write_outcome  # noqa: PLC0415
     from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
+    from fgnav.io.exports.tables import ESTIMATE, write_outcome  # noqa: PLC0415
 
     method = comparison[name]
     estimate = method.estimate

@@ -10,11 +10,10 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.geometry.rotations import to_euler
 from fgnav.io.atomic_write import write_text
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.exports.trajectories import gps_times, positions
-from fgnav.io.flight.local_frame import attitude_of_n, place_of_n
-from fgnav.io.gps_time import utc_of_gps
+from fgnav.io.exports.track import Track, track_of
 
 _HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 _SEA = "heights above the sea, EGM96"
@@ -23,11 +22,11 @@ _NO_GEOID = "no heights above the sea: pip install 'fgnav[importers]' brings a g
 
 def write_kml(recorded: RecordedEstimate, path: Path) -> None:
     """Write a ``gx:Track`` of places and angles in time."""
-    rows, p_n_m = positions(recorded)
-    place, above_sea = _above_sea(place_of_n(recorded.origin, p_n_m))
-    euler_deg = attitude_of_n(recorded.origin, p_n_m, recorded.estimate.R_nb[rows])
-    title = escape(f"{recorded.flight}, {recorded.estimate.method}")
-    when = [f"<when>{one}</when>" for one in _utc(recorded)[rows]]
+    track = track_of(recorded)
+    place, above_sea = _above_sea(track.place)
+    euler_deg = np.degrees(to_euler(track.R_ln @ track.R_nb))
+    title = escape(track.title)
+    when = [f"<when>{one}</when>" for one in _milliseconds(track)]
     where = [f"<gx:coord>{lon:.9f} {lat:.9f} {up:.3f}</gx:coord>" for lat, lon, up in place]
     angles = [f"<gx:angles>{y:.4f} {p:.4f} {r:.4f}</gx:angles>" for r, p, y in euler_deg]
     lines = [
@@ -45,12 +44,12 @@ def write_kml(recorded: RecordedEstimate, path: Path) -> None:
 
 def write_gpx(recorded: RecordedEstimate, path: Path) -> None:
     """Write a GPX 1.1 track."""
-    rows, p_n_m = positions(recorded)
-    place, above_sea = _above_sea(place_of_n(recorded.origin, p_n_m))
+    track = track_of(recorded)
+    place, above_sea = _above_sea(track.place)
     points = [
         f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}">'
         f"{f'<ele>{up:.3f}</ele>' if above_sea else ''}<time>{when}</time></trkpt>"
-        for (lat, lon, up), when in zip(place, _utc(recorded)[rows], strict=True)
+        for (lat, lon, up), when in zip(place, _milliseconds(track), strict=True)
     ]
     lines = [
         _HEAD,
@@ -83,7 +82,7 @@ def _above_sea(place: FloatArray) -> tuple[FloatArray, bool]:
     return place - undulation_m[:, None] * [0.0, 0.0, 1.0], True
 
 
-def _utc(recorded: RecordedEstimate) -> np.ndarray:
+def _milliseconds(track: Track) -> np.ndarray:
     """Return (n,) texts of UTC times, to the millisecond."""
-    utc = utc_of_gps(gps_times(recorded)) + np.timedelta64(500, "us")
+    utc = track.utc + np.timedelta64(500, "us")
     return np.char.add(utc.astype("datetime64[ms]").astype(str), "Z")

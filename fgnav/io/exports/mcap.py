@@ -16,13 +16,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.rotations import quaternion_wxyz
 from fgnav.io.atomic_write import atomic_file
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.exports.trajectories import gps_times, positions
-from fgnav.io.flight.local_frame import place_of_n
-from fgnav.io.gps_time import utc_of_gps
+from fgnav.io.exports.track import Track, track_of
 
 _ENU_OF_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
@@ -45,15 +43,14 @@ def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
     except ModuleNotFoundError:
         raise BadInputError("mcap needs rosbags; pip install 'fgnav[importers]'") from None
     types = get_typestore(Stores.ROS2_HUMBLE)
-    rows, p_n_m = positions(recorded)
-    utc = utc_of_gps(gps_times(recorded)[rows]).astype("datetime64[ns]")
-    stamps_ns = utc.astype(np.int64).tolist()
+    track = track_of(recorded)
+    stamps_ns = track.utc.astype("datetime64[ns]").astype(np.int64).tolist()
     with atomic_file(path) as part, TemporaryDirectory(dir=part.parent) as scratch:
         bag = Path(scratch) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             for topic, messages in (
-                ("/fgnav/odometry", _odometry(recorded, rows, p_n_m, stamps_ns, types.types)),
-                ("/fgnav/fix", _fixes(recorded, rows, p_n_m, stamps_ns, types.types)),
+                ("/fgnav/odometry", _odometry(track, stamps_ns, types.types)),
+                ("/fgnav/fix", _fixes(track, stamps_ns, types.types)),
             ):
                 first, *rest = messages
                 kind = first.__msgtype__
@@ -68,11 +65,9 @@ def _header(make: _Classes, at_ns: int, frame: str) -> Any:  # noqa: ANN401
     return make["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
 
-def _turned(R: FloatArray, covariance: FloatArray | None, rows: BoolArray) -> FloatArray:
-    """Return (n, 3, 3) covariances in other axes; NaN without any."""
-    if covariance is None:
-        return np.full((int(rows.sum()), 3, 3), np.nan)
-    return np.asarray(R @ covariance[rows] @ np.swapaxes(R, -1, -2))
+def _in_axes(R: FloatArray, covariance: FloatArray) -> FloatArray:
+    """Return (n, 3, 3) covariances in other axes."""
+    return np.asarray(R @ covariance @ np.swapaxes(R, -1, -2))
 
 
 def _six(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -85,34 +80,17 @@ def _six(first: FloatArray, second: FloatArray) -> FloatArray:
     return covariances.reshape(-1, 36)
 
 
-def _odometry(
-    recorded: RecordedEstimate,
-    rows: BoolArray,
-    p_n_m: FloatArray,
-    stamps_ns: list[int],
-    make: _Classes,
-) -> Iterator[Any]:
+def _odometry(track: Track, stamps_ns: list[int], make: _Classes) -> Iterator[Any]:
     """Yield poses in the map's axes and twists in the body's."""
-    estimate = recorded.estimate
-    R_nb = estimate.R_nb[rows]
-    R_map = _ENU_OF_NED @ R_nb
-    to_body = _FLU_OF_FRD @ R_nb.swapaxes(1, 2)
-    nothing = np.full_like(p_n_m, np.nan)
-    v_n_mps = nothing if estimate.v_n_mps is None else estimate.v_n_mps[rows]
-    rate = nothing if estimate.angular_rate_b_radps is None else estimate.angular_rate_b_radps[rows]
+    R_map = _ENU_OF_NED @ track.R_nb
+    to_body = _FLU_OF_FRD @ track.R_nb.swapaxes(1, 2)
     columns = (
-        p_n_m @ _ENU_OF_NED.T,
+        track.p_n_m @ _ENU_OF_NED.T,
         quaternion_wxyz(R_map @ _FLU_OF_FRD),
-        _six(
-            _turned(_ENU_OF_NED, estimate.position_covariance_m2, rows),
-            _turned(R_map, estimate.attitude_covariance_rad2, rows),
-        ),
-        np.einsum("nij,nj->ni", to_body, v_n_mps),
-        rate @ _FLU_OF_FRD,
-        _six(
-            _turned(to_body, estimate.velocity_covariance_m2ps2, rows),
-            np.full((len(p_n_m), 3, 3), np.nan),
-        ),
+        _six(_in_axes(_ENU_OF_NED, track.P_position), _in_axes(R_map, track.P_attitude)),
+        np.einsum("nij,nj->ni", to_body, track.v_n_mps),
+        track.rate_b_radps @ _FLU_OF_FRD,
+        _six(_in_axes(to_body, track.P_velocity), np.full_like(track.P_velocity, np.nan)),
     )
     vector, point = make["geometry_msgs/msg/Vector3"], make["geometry_msgs/msg/Point"]
     for at_ns, p, q, spread, v, w, spread_v in zip(stamps_ns, *columns, strict=True):
@@ -127,19 +105,13 @@ def _odometry(
         )
 
 
-def _fixes(
-    recorded: RecordedEstimate,
-    rows: BoolArray,
-    p_n_m: FloatArray,
-    stamps_ns: list[int],
-    make: _Classes,
-) -> Iterator[Any]:
+def _fixes(track: Track, stamps_ns: list[int], make: _Classes) -> Iterator[Any]:
     """Yield places, their covariance east, north, up where the vehicle is."""
-    to_enu = _ENU_OF_NED @ recorded.origin.local_ned(p_n_m).swapaxes(1, 2)
-    spread = _turned(to_enu, recorded.estimate.position_covariance_m2, rows).reshape(-1, 9)
-    place = place_of_n(recorded.origin, p_n_m)
+    spread = _in_axes(_ENU_OF_NED @ track.R_ln, track.P_position).reshape(-1, 9)
     status = make["sensor_msgs/msg/NavSatStatus"](status=0, service=1)
-    for at_ns, (latitude, longitude, height), nine in zip(stamps_ns, place, spread, strict=True):
+    for at_ns, (latitude, longitude, height), nine in zip(
+        stamps_ns, track.place, spread, strict=True
+    ):
         is_finite = np.isfinite(nine).all()
         yield make["sensor_msgs/msg/NavSatFix"](
             header=_header(make, at_ns, "base_link"),

@@ -1,21 +1,39 @@
 """An estimate on disk without loss: arrays as they are, in an npz file that holds no objects."""
 
-import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_file
 from fgnav.types.estimate import Estimate, Verdict
 from fgnav.types.flight import Flight
 
 FILE = "estimate.npz"
-_FORMAT = "fgnav estimate 1"
+_FORMAT = "fgnav estimate 2"
+
+
+class _Head(msgspec.Struct, kw_only=True):
+    """What is no array; names of ``Estimate`` are its own."""
+
+    format: str
+    flight: str
+    start_gps_s: float
+    origin: Origin
+    method: str
+    epochs: int
+    converged: bool
+    unobservable: tuple[str, ...]
+    notes: tuple[str, ...]
+    verdicts: tuple[Verdict, ...]
+
+
+_OF_ESTIMATE = _Head.__struct_fields__[4:]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -53,21 +71,16 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     >>> bool((fgnav.load_estimate("saved.npz").estimate.R_nb == estimate.R_nb).all())
     True
     """
-    head = {
-        "format": _FORMAT,
-        "flight": flight.name,
-        "method": estimate.method,
-        "epochs": estimate.epochs,
-        "converged": estimate.converged,
-        "unobservable": estimate.unobservable,
-        "notes": estimate.notes,
-        "verdicts": [asdict(one) for one in estimate.verdicts],
-        "start_gps_s": flight.start_gps_s,
-        "latitude_rad": flight.origin.latitude_rad,
-        "longitude_rad": flight.origin.longitude_rad,
-        "height_m": flight.origin.height_m,
-    }
-    content: dict[str, Any] = {"head": np.array(json.dumps(head)), **_arrays(estimate)}
+    head = _Head(
+        format=_FORMAT,
+        flight=flight.name,
+        start_gps_s=flight.start_gps_s,
+        origin=flight.origin,
+        **{name: getattr(estimate, name) for name in _OF_ESTIMATE},
+    )
+    values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
+    arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
+    content: dict[str, Any] = {"head": np.array(msgspec.json.encode(head).decode()), **arrays}
     with atomic_file(Path(path)) as part, part.open("wb") as file:
         np.savez_compressed(file, **content)
 
@@ -103,38 +116,19 @@ def load_estimate(path: Path | str) -> RecordedEstimate:
     try:
         with file.open("rb") as stream, np.load(stream, allow_pickle=False) as content:
             arrays = {name: content[name] for name in content.files}
-        head: dict[str, Any] = json.loads(str(arrays.pop("head")))
-        if head["format"] != _FORMAT:
-            raise BadInputError(f"{file}: must be {_FORMAT!r}, got {head['format']!r}")
-        return _recorded(head, arrays)
+        head = msgspec.json.decode(str(arrays.pop("head")), type=_Head)
+        if head.format != _FORMAT:
+            raise BadInputError(f"{file}: must be {_FORMAT!r}, got {head.format!r}")
+        own = {name: getattr(head, name) for name in _OF_ESTIMATE}
+        return RecordedEstimate(
+            flight=head.flight,
+            start_gps_s=head.start_gps_s,
+            origin=head.origin,
+            estimate=Estimate(**own, **arrays),
+        )
     except FileNotFoundError:
         raise BadInputError(f"{file}: no such estimate; fgnav run FLIGHT --out writes it") from None
-    except (BadZipFile, EOFError, KeyError, TypeError, ValueError) as error:
+    except (BadZipFile, EOFError, KeyError, TypeError, ValueError, msgspec.MsgspecError) as error:
         if isinstance(error, BadInputError):
             raise
         raise BadInputError(f"{file}: must be an estimate.npz of fgnav run, {error}") from error
-
-
-def _recorded(head: dict[str, Any], arrays: dict[str, Any]) -> RecordedEstimate:
-    estimate = Estimate(
-        method=head["method"],
-        epochs=head["epochs"],
-        converged=head["converged"],
-        unobservable=tuple(head["unobservable"]),
-        notes=tuple(head["notes"]),
-        verdicts=tuple(Verdict(**one) for one in head.get("verdicts", ())),
-        **arrays,
-    )
-    place = {name: head[name] for name in ("latitude_rad", "longitude_rad", "height_m")}
-    return RecordedEstimate(
-        flight=head["flight"],
-        start_gps_s=head["start_gps_s"],
-        origin=Origin(**place),
-        estimate=estimate,
-    )
-
-
-def _arrays(estimate: Estimate) -> dict[str, FloatArray]:
-    """Return the fields that hold arrays."""
-    values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
-    return {name: value for name, value in values.items() if isinstance(value, np.ndarray)}

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import quaternion_wxyz
-from fgnav.io.atomic_write import write_text
+from fgnav.io.atomic_write import atomic_file
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.flight.local_frame import place_of_n, velocity_of_n
-from fgnav.io.gps_time import GPS_EPOCH, utc_of_gps
+from fgnav.io.exports.track import track_of
 
 _SINGLE = 5  # RTKLIB's quality flag of a position that stands against no base
 _POS_HEAD = (
@@ -25,23 +24,19 @@ def write_tum(recorded: RecordedEstimate, path: Path) -> None:
     Timestamps are UTC, seconds since 1970-01-01; positions are north, east, down of the origin that
     the first lines state, and the quaternion turns body axes, forward, right, down, into these.
     """
-    rows, p_n_m = positions(recorded)
-    w, x, y, z = quaternion_wxyz(recorded.estimate.R_nb[rows]).T
-    utc = utc_of_gps(gps_times(recorded)[rows])
-    microseconds = ((utc - np.datetime64(0, "us")) / np.timedelta64(1, "us")).astype(np.int64)
-    at = recorded.origin
-    lines = [
-        "# timestamp: UTC, s since 1970-01-01; t: m north, east, down of latitude "
+    track, at = track_of(recorded), recorded.origin
+    w, x, y, z = quaternion_wxyz(track.R_nb).T
+    stamps = np.divmod((track.utc - np.datetime64(0, "us")).astype(np.int64), 1_000_000)
+    head = (
+        "timestamp: UTC, s since 1970-01-01; t: m north, east, down of latitude "
         f"{np.degrees(at.latitude_rad):.9f} deg, longitude {np.degrees(at.longitude_rad):.9f} deg, "
-        f"height {at.height_m:.3f} m (WGS-84)",
-        "# q: from body axes, forward, right, down, to north, east, down of that origin",
-        "# timestamp tx ty tz qx qy qz qw",
-    ]
-    table = np.column_stack([p_n_m, x, y, z, w]).tolist()
-    for time_us, row in zip(microseconds.tolist(), table, strict=True):
-        stamp = f"{time_us // 1_000_000}.{time_us % 1_000_000:06d}"
-        lines.append(" ".join([stamp, *(f"{value:.9f}" for value in row)]))
-    write_text(path, "\n".join([*lines, ""]))
+        f"height {at.height_m:.3f} m (WGS-84)\n"
+        "q: from body axes, forward, right, down, to north, east, down of that origin\n"
+        "timestamp tx ty tz qx qy qz qw"
+    )
+    table = np.column_stack([*stamps, track.p_n_m, x, y, z, w])
+    with atomic_file(path) as part:
+        np.savetxt(part, table, fmt="%d.%06d" + 7 * " %.9f", header=head)
 
 
 def write_pos(recorded: RecordedEstimate, path: Path) -> None:
@@ -53,52 +48,21 @@ def write_pos(recorded: RecordedEstimate, path: Path) -> None:
     ----------
     .. [1] RTKLIB 2.4.2 manual, appendix B.1.
     """
-    rows, p_n_m = positions(recorded)
-    estimate, origin = recorded.estimate, recorded.origin
-    place, enu = place_of_n(origin, p_n_m), np.diag([1.0, 1.0, -1.0])  # north, east, up
-    to_ned = origin.local_ned(p_n_m).swapaxes(1, 2)
-    v_n_mps = np.zeros_like(p_n_m) if estimate.v_n_mps is None else estimate.v_n_mps[rows]
-    velocity = velocity_of_n(origin, p_n_m, np.nan_to_num(v_n_mps)) @ enu
-    spreads = []
-    for covariance in (estimate.position_covariance_m2, estimate.velocity_covariance_m2ps2):
-        n_frame = np.zeros((len(p_n_m), 3, 3)) if covariance is None else covariance[rows]
-        spreads.append(_roots(enu @ to_ned @ np.nan_to_num(n_frame) @ to_ned.swapaxes(1, 2) @ enu))
-    times = gps_times(recorded)[rows]
-    lines = [f"% program   : fgnav {estimate.method}", _POS_HEAD]
-    for k, when in enumerate(times):
-        day, clock = str(when).split("T")
-        lat, lon, height = place[k].tolist()
-        sigma, sigma_v = (" ".join(f"{x:8.4f}" for x in part[k].tolist()) for part in spreads)
-        speed = " ".join(f"{x:10.5f}" for x in velocity[k].tolist())
-        lines.append(
-            f"{day.replace('-', '/')} {clock[:12]} {lat:15.9f} {lon:14.9f} {height:12.4f} "
-            f"{_SINGLE:3d} {0:3d} {sigma} {0:6.2f} {0:6.1f} {speed} {sigma_v}"
-        )
-    write_text(path, "\n".join([*lines, ""]))
-
-
-def positions(recorded: RecordedEstimate) -> tuple[BoolArray, FloatArray]:
-    """Return which epochs have a position, (n,), and the positions of those, (m, 3), in ``n``.
-
-    Raises
-    ------
-    BadInputError
-        If none has.
-    """
-    p_n_m = recorded.estimate.p_n_m
-    rows = np.isfinite(np.zeros((0, 3)) if p_n_m is None else p_n_m).all(axis=1)
-    if p_n_m is None or not rows.any():
-        raise BadInputError(
-            f"{recorded.estimate.method}: has no positions, which this format needs; "
-            "csv and parquet do without"
-        )
-    return np.asarray(rows), p_n_m[rows]
-
-
-def gps_times(recorded: RecordedEstimate) -> np.ndarray:
-    """Return (n,) calendar times, GPS time, to the microsecond."""
-    microseconds = np.rint((recorded.start_gps_s + recorded.estimate.t_s) * 1e6)
-    return np.asarray(GPS_EPOCH + microseconds.astype("timedelta64[us]"))
+    track = track_of(recorded)
+    to_enu = np.diag([1.0, 1.0, -1.0]) @ track.R_ln  # north, east, up
+    velocity = np.einsum("kij,kj->ki", to_enu, np.nan_to_num(track.v_n_mps))
+    spreads = [
+        _roots(to_enu @ np.nan_to_num(P) @ to_enu.swapaxes(1, 2))
+        for P in (track.P_position, track.P_velocity)
+    ]
+    when = track.gps.astype("datetime64[ms]").astype(str)
+    when = np.char.replace(np.char.replace(when, "-", "/"), "T", " ").astype(object)
+    flags, age = np.tile([_SINGLE, 0], (len(when), 1)), np.zeros((len(when), 2))  # and ratio
+    table = np.column_stack([when, track.place, flags, spreads[0], age, velocity, spreads[1]])
+    form = "%s %15.9f %14.9f %12.4f %3d %3d" + 6 * " %8.4f" + " %6.2f %6.1f" + 3 * " %10.5f"
+    head = f"% program   : fgnav {recorded.estimate.method}\n{_POS_HEAD}"
+    with atomic_file(path) as part:
+        np.savetxt(part, table, fmt=form + 6 * " %8.4f", header=head, comments="")
 
 
 def _roots(covariance: FloatArray) -> FloatArray:

@@ -19,13 +19,13 @@ from fgnav.io.flight.columns import (
     PITCH,
     PITCH_SIGMA,
     POSITION_SIGMA,
+    Block,
+    columns_to_vectors,
+    stated_sigma,
 )
-from fgnav.io.flight.local_frame import columns_to_vectors
-from fgnav.io.flight.series import stated_sigma
 from fgnav.io.flight.usual_noise import BASELINE_SIGMA_M
 from fgnav.types.receiver import Baseline, Fixes, Measured
 
-Blocks = list[tuple[tuple[str, ...], FloatArray]]
 _NEEDS = {
     POSITION_SIGMA: BASELINE,
     BASELINE_COVARIANCE: POSITION_SIGMA,
@@ -38,19 +38,12 @@ _NEEDS = {
 _VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geometry
 
 
-def local_axes(origin: Origin, fixes: Sequence[Fixes], t_s: FloatArray) -> FloatArray:
-    """Return the NED axes at a vehicle in ``n``, (k, 3, 3); those of ``n`` without fixes."""
-    if not fixes:
-        return np.tile(np.eye(3), (len(t_s), 1, 1))
-    return origin.local_ned(interpolate(t_s, fixes[0].t_s, fixes[0].p_n_m))
-
-
-def baseline(
+def baseline_of(
     samples: Mapping[str, FloatArray],
     antennas: tuple[str, str],
-    R_nl: FloatArray,
-    *,
-    where: Path | str,
+    origin: Origin,
+    fixes: Sequence[Fixes],
+    where: Path,
 ) -> Baseline:
     """Return a baseline; sigmas that the samples lack are usual figures.
 
@@ -59,9 +52,9 @@ def baseline(
     samples : mapping of str to ndarray, shape (k,)
     antennas : tuple of str
         From the first to the second.
-    R_nl : ndarray, shape (k, 3, 3)
-        The receiver's axes, see ``local_axes``.
-    where : Path or str
+    fixes : sequence of Fixes
+        Where the receiver was: its axes are north, east, down there.
+    where : Path
         The file, for error texts.
 
     Raises
@@ -69,6 +62,7 @@ def baseline(
     BadInputError
         Of columns that do not go together, or are too few.
     """
+    R_nl = _local_axes(origin, fixes, samples["t_s"])
     _check(samples, where)
     if BASELINE[0] in samples:
         vector_l, P = _of_vector(samples, where)
@@ -141,20 +135,14 @@ def _of_angles(
     return length_m[:, None] * R_la[:, :, 0], P
 
 
-def baseline_blocks(of: Baseline, R_nl: FloatArray) -> Blocks:
-    """Return the columns that hold a baseline; a usual covariance is left out.
-
-    Parameters
-    ----------
-    of : Baseline
-    R_nl : ndarray, shape (k, 3, 3)
-        See ``local_axes``.
-    """
+def baseline_blocks(of: Baseline, origin: Origin, fixes: Sequence[Fixes]) -> list[Block]:
+    """Return the columns that hold a baseline; a usual covariance is left out."""
+    R_nl = _local_axes(origin, fixes, of.t_s)
     vector = np.einsum("kji,kj->ki", R_nl, of.vector_n_m)
     P = transpose(R_nl) @ of.covariance_m2 @ R_nl
     if of.measured == "vector":
         i, j = np.triu_indices(3, k=1)
-        blocks: Blocks = [
+        blocks: list[Block] = [
             (BASELINE, vector),
             (POSITION_SIGMA, np.sqrt(np.einsum("kii->ki", P))),
             (BASELINE_COVARIANCE, P[:, i, j]),
@@ -170,3 +158,10 @@ def baseline_blocks(of: Baseline, R_nl: FloatArray) -> Blocks:
         blocks.append((PITCH, np.degrees(pitch)[:, None]))
         blocks += [] if of.unstated else [(PITCH_SIGMA, sigma[:, 2:])]
     return blocks
+
+
+def _local_axes(origin: Origin, fixes: Sequence[Fixes], t_s: FloatArray) -> FloatArray:
+    """Return the NED axes at a vehicle in ``n``, (k, 3, 3); those of ``n`` without fixes."""
+    if not fixes:
+        return np.tile(np.eye(3), (len(t_s), 1, 1))
+    return origin.local_ned(interpolate(t_s, fixes[0].t_s, fixes[0].p_n_m))

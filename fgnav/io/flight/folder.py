@@ -1,56 +1,39 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
-from collections.abc import Callable
-from dataclasses import fields, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, Loss
 from fgnav.geometry.earth import Origin
-from fgnav.io.antennas import merge, named_alike
+from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import networks, series, usual_noise
+from fgnav.io.flight import networks, usual_noise
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
-from fgnav.io.flight.baselines import baseline, local_axes
-from fgnav.io.flight.columns import CALIBRATION, CURRENTS
-from fgnav.io.flight.integers import read_integers
-from fgnav.io.flight.local_frame import columns_to_vectors, place_to_n
+from fgnav.io.flight.keys import values_of
+from fgnav.io.flight.series import Surroundings, read_record
 from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import (
-    BaselineTable,
-    FixesTable,
     FlightTable,
     GnssTable,
-    InitialTable,
-    SeekerTable,
-    TruthTable,
     VehicleTable,
 )
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
-from fgnav.io.tables import read_table
+from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import (
     Antenna,
     Base,
-    Baseline,
-    Fixes,
     Flight,
     GnssNoise,
     InitialAttitude,
-    Seeker,
-    Truth,
 )
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
-
-_T = TypeVar("_T")
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -141,7 +124,7 @@ def save_flight(flight: Flight, folder: Path | str, *, rinex: RinexVersion = "3.
     flight_writer.check_empty(Path(folder))
     with atomic_folder(Path(folder)) as new:
         table = flight_writer.write_parts(flight, new, rinex)
-        flight_toml.write_flight_toml(new / flight_writer.FILE_NAME, table)
+        write_toml(new / flight_writer.FILE_NAME, table)
 
 
 def _toml(path: Path) -> Path:
@@ -178,22 +161,17 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
-    origin = Origin(
-        latitude_rad=np.radians(table.origin.latitude_deg),
-        longitude_rad=np.radians(table.origin.longitude_deg),
-        height_m=table.origin.height_m,
-    )
+    origin = Origin(**values_of(table.origin, Origin))
 
-    def made(kind: str, make: Callable[[dict[str, FloatArray], Any], _T]) -> _T | None:
-        """Return what is made of the samples of a table, and of its keys."""
-        keys = getattr(table, kind)
-        if keys is None:
-            return None
-        return make(read_table(folder / keys.samples, *series.COLUMNS[kind]), keys)
-
-    fixes = tuple(_fixes(folder, origin, keys) for keys in table.fixes)
-    baselines = tuple(_baseline(folder, origin, fixes, keys) for keys in table.baseline)
-
+    antennas = tuple(one.name for one in table.antenna)
+    at = Surroundings(folder, origin, antennas)
+    fixes = tuple(read_record("fixes", keys, at) for keys in table.fixes)
+    single = {
+        kind: read_record(kind, keys, at)
+        for kind in ("imu", "seeker", "barometer", "magnetometer", "truth")
+        if (keys := getattr(table, kind)) is not None
+    }
+    at = replace(at, fixes=fixes)
     gnss = table.gnss
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
@@ -205,25 +183,21 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         name=table.name,
         start_gps_s=start_gps_s,
         origin=origin,
-        antennas=tuple(
-            Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in table.antenna
-        ),
+        antennas=tuple(Antenna(**values_of(one, Antenna)) for one in table.antenna),
         observations=observations,
         broadcast=broadcast,
         precise=precise,
         elevation_mask_rad=np.radians(gnss.elevation_mask_deg),
         gnss_noise=_gnss_noise(gnss),
         base=base,
-        imu=made("imu", series.imu),
         fixes=fixes,
-        baselines=baselines,
-        seeker=made("seeker", partial(_seeker, folder, origin)),
-        barometer=made("barometer", series.barometer),
-        magnetometer=made("magnetometer", series.magnetometer),
+        baselines=tuple(read_record("baseline", keys, at) for keys in table.baseline),
+        **single,
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
-        initial=_initial(table.initial) if table.initial else None,
-        truth=made("truth", partial(_truth, folder, origin, [a.name for a in table.antenna])),
+        initial=InitialAttitude(**values_of(table.initial, InitialAttitude))
+        if table.initial
+        else None,
         networks=networks.manifests(folder, table.network),
         losses=tuple(losses),
     )
@@ -238,16 +212,13 @@ def _vehicle(table: VehicleTable) -> WheeledVehicle | FinnedVehicle | None:
             )
         return None
     record = WheeledVehicle if table.kind == "wheeled" else FinnedVehicle
-    names = [one.name for one in fields(record) if one.name.endswith("_rad")]
-    values = series.values_of(table, record)
-    values |= {name: float(np.radians(getattr(table, f"{name[:-3]}deg"))) for name in names}
-    return record(**values)
+    return record(**values_of(table, record))
 
 
 def _rinex(
     folder: Path, table: FlightTable, start_gps_s: float
 ) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
-    """Return messages, observations of antennas, and of the base with its signals named alike."""
+    """Return messages, observations of antennas, and of the base."""
     names = [antenna.name for antenna in table.antenna]
     files = [antenna.observations for antenna in table.antenna if antenna.observations]
     if files and len(files) < len(names):
@@ -270,17 +241,7 @@ def _rinex(
     return (
         broadcast,
         observations,
-        Base(position_e_m=position_e_m, observations=named_alike(receivers[-1], observations)),
-    )
-
-
-def _initial(table: InitialTable) -> InitialAttitude:
-    degrees = msgspec.structs.asdict(table)
-    return InitialAttitude(
-        **{
-            f"{name.removesuffix('_deg')}_rad": None if value is None else float(np.radians(value))
-            for name, value in degrees.items()
-        }
+        Base(position_e_m=position_e_m, observations=receivers[-1]),
     )
 
 
@@ -290,51 +251,5 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    return replace(usual_noise.gnss_noise(stated), **series.values_of(gnss, GnssNoise))
-
-
-def _fixes(folder: Path, origin: Origin, table: FixesTable) -> Fixes:
-    samples = read_table(folder / table.samples, *series.COLUMNS["fixes"])
-    return series.fixes(samples, origin, table.antenna, where=folder / table.samples)
-
-
-def _baseline(
-    folder: Path, origin: Origin, fixes: tuple[Fixes, ...], table: BaselineTable
-) -> Baseline:
-    samples = read_table(folder / table.samples, *series.COLUMNS["baseline"])
-    R_nl = local_axes(origin, fixes, samples["t_s"])
-    return baseline(samples, table.antennas, R_nl, where=folder / table.samples)
-
-
-def _seeker(
-    folder: Path, origin: Origin, samples: dict[str, FloatArray], table: SeekerTable
-) -> Seeker:
-    calibration = read_table(folder / table.calibration, CALIBRATION, increasing=CALIBRATION[0])
-    landmark = table.landmark
-    place = np.array([[landmark.latitude_deg, landmark.longitude_deg, landmark.height_m]])
-    return Seeker(
-        t_s=samples["t_s"],
-        currents=columns_to_vectors(samples, CURRENTS),
-        position_b_m=np.array(table.position_b_m),
-        landmark_n_m=place_to_n(origin, place)[0],
-        detector_radius_m=table.detector_radius_m,
-        focal_length_m=table.focal_length_m,
-        calibration=columns_to_vectors(calibration, CALIBRATION),
-    )
-
-
-def _truth(
-    folder: Path,
-    origin: Origin,
-    names: list[str],
-    samples: dict[str, FloatArray],
-    table: TruthTable,
-) -> Truth:
-    integers = read_integers(folder / table.integers) if table.integers else None
-    for name in sorted(set(integers.antennas) - set(names) if integers is not None else ()):
-        raise BadInputError(
-            f"{folder / str(table.integers)}: true integers antenna: {name!r} is not one of {names}"
-        )
-    return series.truth(
-        samples, origin, integers, source=table.source, where=folder / table.samples
-    )
+    usual = {name: getattr(GnssNoise(), name) for name in stated}
+    return GnssNoise(**usual_noise.filled(stated, usual), **values_of(gnss, GnssNoise))

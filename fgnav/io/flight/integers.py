@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, quoted
+from fgnav.checks import BadInputError, quoted
 from fgnav.io.tables import is_number
 from fgnav.io.user_files import read_bytes
 from fgnav.types.flight import LinkIntegers
@@ -32,54 +32,43 @@ def read_integers(path: Path) -> LinkIntegers:
     BadInputError
         Naming file, line, column, rule and value.
     """
-    header, *rows = _rows(path)
-    if tuple(header) != COLUMNS:
-        raise BadInputError(
-            f"{path}: line 1: columns must be {','.join(COLUMNS)}, got {quoted(','.join(header))}"
-        )
-    for line, row in enumerate(rows, start=2):
-        if len(row) != len(COLUMNS):
-            raise BadInputError(
-                f"{path}: line {line}: must have {len(COLUMNS)} columns, got {len(row)}"
-            )
-    antennas, satellites, signals, _, _ = zip(*rows, strict=True) if rows else ((),) * 5
-    try:
-        return LinkIntegers(
-            antennas=antennas,
-            satellites=satellites,
-            signals=signals,
-            from_s=_numbers(path, rows, 3),
-            cycles=_numbers(path, rows, 4),
-        )
-    except BadInputError as error:
-        if str(error).startswith(str(path)):
-            raise
-        raise BadInputError(f"{path}: {error}") from None
-
-
-def _rows(path: Path) -> list[list[str]]:
-    """Return the cells of each line, one line or more."""
     text = read_bytes(path, is_text=True).decode("utf-8", "replace").replace("\r\n", "\n")
-    if text and not text.endswith("\n"):
+    lines = text.split("\n")
+    if lines.pop():
         raise BadInputError(
             f"{path}: must end with a line end, the last line is cut; take the file again"
         )
-    lines = text.split("\n")[:-1]
     for line, content in enumerate(lines, start=1):
         if not content.isprintable():
             raise BadInputError(f"{path}: line {line}: must be plain text, got {quoted(content)}")
     try:
-        return list(csv.reader(lines, strict=True)) if lines else [[]]
+        header, *rows = list(csv.reader(lines, strict=True)) or [[]]
+        _check(header, rows)
+        columns = list(zip(*rows, strict=True)) or [()] * len(COLUMNS)
+        numbers = [np.array(column, np.float64) for column in columns[3:]]
+        return LinkIntegers(
+            antennas=columns[0],
+            satellites=columns[1],
+            signals=columns[2],
+            from_s=numbers[0],
+            cycles=numbers[1],
+        )
     except csv.Error as error:
         raise BadInputError(f"{path}: must be CSV, {error}") from None
+    except BadInputError as error:
+        raise BadInputError(f"{path}: {error}") from None
 
 
-def _numbers(path: Path, rows: Sequence[Sequence[str]], column: int) -> FloatArray:
-    """Return a column of finite numbers."""
-    for k, row in enumerate(rows):
-        if not (is_number(row[column]) and np.isfinite(float(row[column]))):
-            raise BadInputError(
-                f"{path}: line {k + 2}: {COLUMNS[column]} must be a finite number, "
-                f"got {quoted(row[column])}"
-            )
-    return np.array([float(row[column]) for row in rows])
+def _check(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Raise unless all rows have all columns, and finite numbers in the last two."""
+    names = ",".join(COLUMNS)
+    if tuple(header) != COLUMNS:
+        raise BadInputError(f"line 1: columns must be {names}, got {quoted(','.join(header))}")
+    for line, row in enumerate(rows, start=2):
+        if len(row) != len(COLUMNS):
+            raise BadInputError(f"line {line}: must have {len(COLUMNS)} columns, got {len(row)}")
+        for name, cell in zip(COLUMNS[3:], row[3:], strict=True):
+            if not (is_number(cell) and np.isfinite(float(cell))):
+                raise BadInputError(
+                    f"line {line}: {name} must be a finite number, got {quoted(cell)}"
+                )

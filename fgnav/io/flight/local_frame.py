@@ -1,17 +1,10 @@
 """Between files, which speak of the NED axes at the vehicle, and ``n``, fixed at the origin."""
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin, ecef, geodetic
 from fgnav.geometry.rotations import from_euler, to_euler
-
-
-def columns_to_vectors(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> FloatArray:
-    """Return (k, c) of c columns."""
-    return np.stack([table[name] for name in names], axis=1)
 
 
 def place_to_n(origin: Origin, place: FloatArray) -> FloatArray:

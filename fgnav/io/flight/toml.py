@@ -1,9 +1,6 @@
-"""``flight.toml``: its keys as structures, read strictly and written."""
+"""``flight.toml``: its keys as structures, read strictly."""
 
-import json
 import re
-import textwrap
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -11,17 +8,16 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
-from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import GPS_EPOCH, date_to_gps_s
 from fgnav.io.strict_toml import Positive, Table, Vector, as_table, read_toml
 from fgnav.types.flight import ElevationWeights, GnssNoise, TruthSource
 
 FORMAT = "fgnav-flight/1"
+FORWARD_RIGHT_DOWN = ("x", "y", "z")
 _START = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d{1,9})?")
 
 _MOST_ANTENNAS = 256  # all pairs of them are held against each other
 _NOISE = GnssNoise()
-_NOTHING: tuple[Any, ...] = (None, [], (), {})
 
 
 class Place(Table, frozen=True, kw_only=True):
@@ -197,6 +193,19 @@ class TruthTable(Table, frozen=True, kw_only=True):
     source: TruthSource | None = None
 
 
+# Tables of records by their keys, and those that a flight has several of.
+RECORDS: dict[str, type[Any]] = {
+    "imu": ImuTable,
+    "fixes": FixesTable,
+    "baseline": BaselineTable,
+    "seeker": SeekerTable,
+    "barometer": BarometerTable,
+    "magnetometer": MagnetometerTable,
+    "truth": TruthTable,
+}
+SEVERAL = ("fixes", "baseline")
+
+
 class FlightTable(Table, frozen=True, kw_only=True):
     """The whole file; ``rows`` says how many rows each table of samples was written with."""
 
@@ -255,16 +264,12 @@ def gps_seconds(path: Path, start: str) -> float:
     """
     got = quoted(start)
     rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
-    if not _START.fullmatch(start):
+    seconds = date_to_gps_s(re.split("[-T:]", start)) if _START.fullmatch(start) else np.nan
+    if np.isnan(seconds):
         raise BadInputError(rule)
-    try:
-        second = np.datetime64(start[:19], "s")
-    except ValueError as error:
-        raise BadInputError(rule) from error
-    seconds = float((second - GPS_EPOCH) / np.timedelta64(1, "s"))
     if seconds < 0:
         raise BadInputError(f"{path}: key start: must not be before 1980-01-06, got {got}")
-    return seconds + float("0" + start[19:])
+    return seconds
 
 
 def gps_date(start_gps_s: float) -> str:
@@ -272,68 +277,3 @@ def gps_date(start_gps_s: float) -> str:
     microseconds = round(start_gps_s * 1e6)
     date = str(GPS_EPOCH + np.timedelta64(microseconds, "us"))
     return date.rstrip("0").rstrip(".") if microseconds % 1_000_000 else date[:19]
-
-
-def write_flight_toml(path: Path, table: Table, comments: Mapping[str, str] | None = None) -> None:
-    """Write ``flight.toml``; keys without a value are left out.
-
-    Parameters
-    ----------
-    table : FlightTable
-        Or another table of tables.
-    comments : mapping of str to str
-        By key, ``"imu.axes"``, or table, ``"imu"``: they stand above it, or where it would be.
-    """
-    notes = dict(comments or {})
-    lines: list[str] = []
-    plain = {k: v for k, v in msgspec.to_builtins(table).items() if v not in _NOTHING}
-    tables = {k: v for k, v in plain.items() if isinstance(v, dict) and k != "rows"}
-    lists = {k: v for k, v in plain.items() if isinstance(v, list | tuple)}
-    scalars = {k: v for k, v in plain.items() if k not in tables and k not in lists}
-    lines += _entries(scalars, notes)
-    for key, rows in lists.items():
-        for row in rows:
-            lines += ["", *_comment(notes.pop(key, "")), f"[[{key}]]"]
-            lines += _entries(row, notes, f"{key}.")
-    for key, row in tables.items():
-        lines += ["", *_comment(notes.pop(key, "")), f"[{key}]", *_entries(row, notes, f"{key}.")]
-        absent = [name for name in notes if name.startswith(f"{key}.")]
-        lines += [line for name in absent for line in _comment(notes.pop(name))]
-    for text in notes.values():
-        lines += ["", *_comment(text)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _entries(
-    table: Mapping[str, Any], notes: dict[str, str] | None = None, above: str = ""
-) -> list[str]:
-    lines = []
-    for name, value in table.items():
-        if value not in _NOTHING:
-            lines += _comment((notes or {}).pop(above + name, ""))
-            lines.append(f"{_key(name)} = {_toml(value)}")
-    return lines
-
-
-def _comment(text: str) -> list[str]:
-    """Return the lines of a comment; its own line ends stay."""
-    return [
-        f"# {line}"
-        for part in text.splitlines()
-        for line in textwrap.wrap(part, 96, break_long_words=False, break_on_hyphens=False)
-    ]
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name)
-
-
-def _toml(value: Any) -> str:  # noqa: ANN401  # any TOML value
-    """Return the TOML of a value; nested tables inline."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "{ " + ", ".join(_entries(value)) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(item) for item in value) + "]"
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)

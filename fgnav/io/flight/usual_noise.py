@@ -6,10 +6,8 @@ times that and more. Biases and walks: consumer grade of Groves, 2nd edition, 20
 section 4.4.1.
 """
 
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any
-
-from fgnav.types.flight import GnssNoise
 
 IMU = {
     "accelerometer_noise_mps2_per_sqrt_hz": 1e-2,
@@ -27,33 +25,15 @@ VELOCITY_SIGMA_MPS = (0.1, 0.1, 0.1)
 BASELINE_SIGMA_M = (0.01, 0.01, 0.02)
 
 
-def imu_noise(stated: dict[str, float | None], *, gyroscope: bool) -> dict[str, Any]:
-    """Return a unit's noise, the usual in the place of what is not stated; ``unstated`` with it.
-
-    Parameters
-    ----------
-    stated : dict
-        By the names of ``Imu``; None of what is not stated.
-    gyroscope : bool
-        Whether the unit has one.
-    """
-    filled: dict[str, Any] = {}
-    for name, value in stated.items():
-        none = name.startswith("gyroscope") and not gyroscope
-        filled[name] = IMU[name] if value is None and not none else value
-    missing = [name for name, value in stated.items() if value is None and filled[name] is not None]
-    return filled | {"unstated": tuple(missing)}
+def filled(stated: Mapping[str, float | None], usual: Mapping[str, float]) -> dict[str, Any]:
+    """Return noise by name, the usual in the place of what is not stated; ``unstated`` with it."""
+    values = {name: usual[name] if x is None else x for name, x in stated.items()}
+    return values | {"unstated": tuple(name for name, x in stated.items() if x is None)}
 
 
-def gnss_noise(stated: dict[str, float | None]) -> GnssNoise:
-    """Return noise of links, the usual in the place of what is not stated.
-
-    Parameters
-    ----------
-    stated : dict
-        By the names of ``GnssNoise``.
-    """
-    given = {name: value for name, value in stated.items() if value is not None}
-    unstated = tuple(name for name in stated if name not in given)
-    usual: dict[str, Any] = {**given, "unstated": unstated}
-    return replace(GnssNoise(), **usual)
+def imu_noise(keys: object, *, gyroscope: bool) -> dict[str, Any]:
+    """Return a unit's noise of keys with its names, without a gyroscope none of one."""
+    stated = {name: getattr(keys, name) for name in IMU}
+    none = {n: None for n, x in stated.items() if x is None and n.startswith("gyroscope")}
+    absent = {} if gyroscope else none
+    return filled({n: x for n, x in stated.items() if n not in absent}, IMU) | absent

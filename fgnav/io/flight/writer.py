@@ -1,41 +1,30 @@
 """The files of a flight, written into a folder, and what its flight.toml says of them."""
 
 import re
-from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
-from fgnav.geometry.earth import Origin
-from fgnav.io.flight import columns, networks
+from fgnav.checks import BadInputError
+from fgnav.io.flight import networks
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.baselines import baseline_blocks, local_axes
+from fgnav.io.flight.columns import CALIBRATION, FORMATS, PLACE, samples
 from fgnav.io.flight.integers import write_integers
-from fgnav.io.flight.local_frame import attitude_of_n, place_of_n, velocity_of_n
-from fgnav.io.flight.usual_noise import IMU
+from fgnav.io.flight.keys import table_of
+from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.flight.series import blocks_of
+from fgnav.io.flight.toml import RECORDS, SEVERAL
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3.writer import write_precise
-from fgnav.io.strict_toml import Vector
 from fgnav.io.tables import write_table
-from fgnav.types.flight import (
-    Baseline,
-    Fixes,
-    Flight,
-    Imu,
-    InitialAttitude,
-    Seeker,
-    Truth,
-)
-from fgnav.types.surroundings import Barometer, Magnetometer
+from fgnav.types.flight import Flight, Seeker, Truth
 from fgnav.types.vehicle import FinnedVehicle
 
 FILE_NAME = "flight.toml"
 _PLAIN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
 _TAKEN = ("base", "broadcast")
-_T = TypeVar("_T", bound=msgspec.Struct)
 
 
 def check_empty(folder: Path) -> None:
@@ -58,25 +47,13 @@ def write_parts(
         format=flight_toml.FORMAT,
         name=flight.name,
         start=flight_toml.gps_date(flight.start_gps_s),
-        origin=_place_of_origin(flight.origin),
+        origin=table_of(flight_toml.Place, flight.origin),
         antenna=_antennas(flight, folder, rinex),
         network=networks.write(flight.networks, folder),
         gnss=_gnss(flight, folder, rinex),
-        imu=_imu(flight.imu, folder) if flight.imu else None,
-        fixes=tuple(
-            _fixes(one, flight.origin, folder, _numbered("fixes", k))
-            for k, one in enumerate(flight.fixes)
-        ),
-        baseline=tuple(
-            _baseline(one, flight, folder, _numbered("baseline", k))
-            for k, one in enumerate(flight.baselines)
-        ),
-        seeker=_seeker(flight.seeker, flight.origin, folder) if flight.seeker else None,
-        barometer=_barometer(flight.barometer, folder) if flight.barometer else None,
-        magnetometer=_magnetometer(flight.magnetometer, folder) if flight.magnetometer else None,
         vehicle=_vehicle(flight),
-        initial=_initial(flight.initial) if flight.initial else None,
-        truth=_truth(flight.truth, flight.origin, folder) if flight.truth else None,
+        initial=table_of(flight_toml.InitialTable, flight.initial) if flight.initial else None,
+        **_records(flight, folder),
     )
     return msgspec.structs.replace(table, rows=row_counts(table, flight))
 
@@ -100,34 +77,6 @@ def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]
     return counts
 
 
-def _place(row: FloatArray) -> flight_toml.Place:
-    latitude_deg, longitude_deg, height_m = row.tolist()
-    return flight_toml.Place(
-        latitude_deg=latitude_deg, longitude_deg=longitude_deg, height_m=height_m
-    )
-
-
-def _place_of_origin(origin: Origin) -> flight_toml.Place:
-    return _place(
-        np.array(
-            [np.degrees(origin.latitude_rad), np.degrees(origin.longitude_rad), origin.height_m]
-        )
-    )
-
-
-def _vector(value: FloatArray) -> Vector:
-    x, y, z = value.tolist()
-    return x, y, z
-
-
-def _keys(table: type[_T], record: object, **others: Any) -> _T:  # noqa: ANN401  # values of keys
-    """Return a table with others' values, and those that a record has by the same names."""
-    names = (name for name in table.__struct_fields__ if name not in others)
-    own = {name: getattr(record, name) for name in names if hasattr(record, name)}
-    arrays = {n: _vector(value) for n, value in own.items() if isinstance(value, np.ndarray)}
-    return table(**(own | arrays | others))
-
-
 def _antennas(
     flight: Flight, folder: Path, rinex: RinexVersion
 ) -> tuple[flight_toml.AntennaTable, ...]:
@@ -149,7 +98,7 @@ def _antennas(
                 position_e_m=flight.origin.p_e_m,
                 version=rinex,
             )
-        tables.append(_keys(flight_toml.AntennaTable, antenna, observations=file_name))
+        tables.append(table_of(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
 
 
@@ -164,7 +113,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
         write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
     base = None
     if flight.base is not None:
-        base = _keys(flight_toml.BaseTable, flight.base, observations="base.rnx")
+        base = table_of(flight_toml.BaseTable, flight.base, observations="base.rnx")
         write_observations(
             folder / "base.rnx",
             flight.base.observations,
@@ -175,7 +124,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
             version=rinex,
         )
     noise = flight.gnss_noise
-    return _keys(
+    return table_of(
         flight_toml.GnssTable,
         noise,
         navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
@@ -188,131 +137,45 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
     )
 
 
-def _write(path: Path, t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray | None]) -> None:
-    """Write a table of times and blocks of columns; blocks that are None are left out."""
-    table = {"t_s": t_s}
-    for names, block in blocks:
-        if block is not None:
-            table |= {name: block[:, k] for k, name in enumerate(names)}
-    write_table(path, table, columns.FORMATS)
-
-
-def _imu(imu: Imu, folder: Path) -> flight_toml.ImuTable:
-    _write(
-        folder / "imu.csv",
-        imu.t_s,
-        (columns.FORCE, imu.f_b_mps2),
-        (columns.RATE, imu.w_b_radps),
-    )
-    noise: dict[str, Any] = {n: None if n in imu.unstated else getattr(imu, n) for n in IMU}
-    return _keys(flight_toml.ImuTable, imu, samples="imu.csv", **noise)
-
-
-def _numbered(name: str, k: int) -> str:
+def numbered(name: str, k: int) -> str:
     """Return the name of the samples of one of several records."""
     return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
 
 
-def _fixes(fixes: Fixes, origin: Origin, folder: Path, samples: str) -> flight_toml.FixesTable:
-    velocity = None
-    if fixes.v_n_mps is not None:
-        velocity = velocity_of_n(origin, fixes.p_n_m, fixes.v_n_mps)
-    _write(
-        folder / samples,
-        fixes.t_s,
-        (columns.PLACE, place_of_n(origin, fixes.p_n_m)),
-        (columns.VELOCITY, velocity),
-        (
-            columns.POSITION_SIGMA,
-            None if "position" in fixes.unstated else fixes.position_sigma_m,
-        ),
-        (
-            columns.VELOCITY_SIGMA,
-            None if "velocity" in fixes.unstated else fixes.velocity_sigma_mps,
-        ),
-    )
-    return flight_toml.FixesTable(samples=samples, antenna=fixes.antenna)
+def _records(flight: Flight, folder: Path) -> dict[str, Any]:
+    """Write records and what belongs to them; return their tables by key."""
+    keys: dict[str, Any] = {}
+    for kind, table in RECORDS.items():
+        found = getattr(flight, "baselines" if kind == "baseline" else kind)
+        tables = []
+        for k, record in enumerate(found if kind in SEVERAL else filter(None, [found])):
+            name = numbered(kind, k)
+            blocks = blocks_of(record, flight.origin, flight.fixes)
+            write_table(folder / name, samples(record.t_s, *blocks), FORMATS)
+            more = _more(record, flight, folder)
+            tables.append(table_of(table, record, samples=name, **more))
+        keys[kind] = tuple(tables) if kind in SEVERAL else next(iter(tables), None)
+    return keys
 
 
-def _baseline(
-    of: Baseline, flight: Flight, folder: Path, samples: str
-) -> flight_toml.BaselineTable:
-    R_nl = local_axes(flight.origin, flight.fixes, of.t_s)
-    _write(folder / samples, of.t_s, *baseline_blocks(of, R_nl))
-    return flight_toml.BaselineTable(samples=samples, antennas=of.antennas)
-
-
-def _seeker(seeker: Seeker, origin: Origin, folder: Path) -> flight_toml.SeekerTable:
-    _write(folder / "seeker.csv", seeker.t_s, (columns.CURRENTS, seeker.currents))
-    calibration = dict(zip(columns.CALIBRATION, seeker.calibration.T, strict=True))
-    write_table(folder / "quadrant.csv", calibration, columns.FORMATS)
-    landmark = _place(place_of_n(origin, seeker.landmark_n_m[None])[0])
-    return _keys(
-        flight_toml.SeekerTable,
-        seeker,
-        samples="seeker.csv",
-        landmark=landmark,
-        calibration="quadrant.csv",
-    )
-
-
-def _barometer(barometer: Barometer, folder: Path) -> flight_toml.BarometerTable:
-    heights_m = barometer.height_m[:, None]
-    _write(folder / "barometer.csv", barometer.t_s, (columns.HEIGHT, heights_m))
-    return _keys(flight_toml.BarometerTable, barometer, samples="barometer.csv")
-
-
-def _magnetometer(sensor: Magnetometer, folder: Path) -> flight_toml.MagnetometerTable:
-    _write(folder / "magnetometer.csv", sensor.t_s, (columns.FIELD, sensor.field_b_ut))
-    return _keys(flight_toml.MagnetometerTable, sensor, samples="magnetometer.csv")
+def _more(record: object, flight: Flight, folder: Path) -> dict[str, Any]:
+    """Write what a record has beside its samples; return the keys that say so."""
+    if isinstance(record, Seeker):
+        calibration = dict(zip(CALIBRATION, record.calibration.T, strict=True))
+        write_table(folder / "quadrant.csv", calibration, FORMATS)
+        (place,) = place_of_n(flight.origin, record.landmark_n_m[None]).tolist()
+        landmark = flight_toml.Place(**dict(zip(PLACE, place, strict=True)))
+        return {"landmark": landmark, "calibration": "quadrant.csv"}
+    if isinstance(record, Truth):
+        if record.integers is not None:
+            write_integers(folder / "integers.csv", record.integers)
+        return {"integers": None if record.integers is None else "integers.csv"}
+    return {}
 
 
 def _vehicle(flight: Flight) -> flight_toml.VehicleTable | None:
     vehicle = flight.vehicle
     if vehicle is None:
         return flight_toml.VehicleTable(standstill=True) if flight.standstill else None
-    angles_deg = {
-        name.replace("_rad", "_deg"): float(np.degrees(getattr(vehicle, name)))
-        for name in (one.name for one in fields(vehicle))
-        if name.endswith("_rad")
-    }
-    return _keys(
-        flight_toml.VehicleTable,
-        vehicle,
-        kind="finned" if isinstance(vehicle, FinnedVehicle) else "wheeled",
-        standstill=flight.standstill,
-        **angles_deg,
-    )
-
-
-def _initial(initial: InitialAttitude) -> flight_toml.InitialTable:
-    return flight_toml.InitialTable(
-        **{
-            f"{name.removesuffix('_rad')}_deg": float(np.degrees(value))
-            for name, value in asdict(initial).items()
-            if value is not None
-        }
-    )
-
-
-def _truth(truth: Truth, origin: Origin, folder: Path) -> flight_toml.TruthTable:
-    _write(
-        folder / "truth.csv",
-        truth.t_s,
-        (columns.PLACE, place_of_n(origin, truth.p_n_m)),
-        (columns.VELOCITY, velocity_of_n(origin, truth.p_n_m, truth.v_n_mps)),
-        (columns.EULER, attitude_of_n(origin, truth.p_n_m, truth.R_nb)),
-        (columns.POSITION_SIGMA, truth.position_sigma_m),
-        (columns.VELOCITY_SIGMA, truth.velocity_sigma_mps),
-        (
-            columns.EULER_SIGMA,
-            None if truth.euler_sigma_rad is None else np.degrees(truth.euler_sigma_rad),
-        ),
-    )
-    if truth.integers is not None:
-        write_integers(folder / "integers.csv", truth.integers)
-    return flight_toml.TruthTable(
-        samples="truth.csv",
-        integers=None if truth.integers is None else "integers.csv",
-        source=truth.source,
-    )
+    kind = "finned" if isinstance(vehicle, FinnedVehicle) else "wheeled"
+    return table_of(flight_toml.VehicleTable, vehicle, kind=kind, standstill=flight.standstill)

@@ -7,30 +7,54 @@ what one importer or several have found. Third parties add theirs through the en
 """
 
 from pathlib import Path
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from fgnav import plugins
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 
 GROUP = "fgnav.importers"
-_FORMATS = "fgnav.io.importers.formats"
-IMPORTERS = {
-    "csv": f"{_FORMATS}.text_columns:read_csv",
-    "pos": f"{_FORMATS}.pos:read_pos",
-    "kfgins": f"{_FORMATS}.kfgins:read_kfgins",
-    "ulog": f"{_FORMATS}.ulog:read_ulog",
-    "ardupilot": f"{_FORMATS}.ardupilot:read_ardupilot",
-    "rosbag": f"{_FORMATS}.ros:read_bag",
-    "mcap": f"{_FORMATS}.ros:read_bag",
-    "nmea": f"{_FORMATS}.receivers:read_stream",
-    "ubx": f"{_FORMATS}.receivers:read_stream",
-    "sbf": f"{_FORMATS}.receivers:read_stream",
-    "novatel": f"{_FORMATS}.receivers:read_stream",
-    "rtcm3": f"{_FORMATS}.receivers:read_stream",
-    "rinex": f"{_FORMATS}.receivers:read_rinex_file",
-    "sp3": f"{_FORMATS}.receivers:read_sp3_file",
+
+
+class Format(NamedTuple):
+    """What reads a format, and what tells it."""
+
+    importer: str
+    begins: tuple[bytes, ...] = ()  # of the file, as the format's document has it
+    line: bytes = b"(?!)"  # pattern of one of the first lines
+    suffix: str = ""  # of the name, where the content tells nothing
+
+
+FORMATS = {
+    "csv": Format("text_columns:read_csv", suffix=".csv"),
+    "pos": Format("pos:read_pos", line=rb"%.*[ ,;\t]Q[ ,;\t]", suffix=".pos"),
+    "kfgins": Format("kfgins:read_kfgins"),
+    "ulog": Format("ulog:read_ulog", (b"ULog\x01\x12\x35",)),
+    "ardupilot": Format("ardupilot:read_ardupilot", (b"\xa3\x95",), suffix=".bin"),
+    "rosbag": Format("ros:read_bag", (b"#ROSBAG", b"SQLite format 3")),
+    "mcap": Format("ros:read_bag", (b"\x89MCAP0",)),
+    "nmea": Format(
+        "receivers:read_stream",
+        line=rb"\$(?:[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]|HDT|THS)|PASHR),",
+        suffix=".nmea",
+    ),
+    "ubx": Format("receivers:read_stream", (b"\xb5\x62",), suffix=".ubx"),
+    "sbf": Format("receivers:read_stream", (b"$@",), suffix=".sbf"),
+    "novatel": Format(
+        "receivers:read_stream",
+        (b"\xaa\x44",),
+        line=rb"[#%](?:BESTPOS|BESTVEL|RANGE|HEADING2?)A,",
+        suffix=".gps",
+    ),
+    "rtcm3": Format("receivers:read_stream", (b"\xd3",), suffix=".rtcm3"),
+    "rinex": Format(
+        "receivers:read_rinex_file",
+        line=rb".{60}(?:RINEX VERSION / TYPE|CRINEX VERS)",
+        suffix=".crx",
+    ),
+    "sp3": Format("receivers:read_sp3_file", line=rb"#[a-d][PV]\d{4} ", suffix=".sp3"),
 }
+IMPORTERS = {name: f"fgnav.io.importers.formats.{one.importer}" for name, one in FORMATS.items()}
 
 
 class Importer(Protocol):

@@ -1,8 +1,9 @@
-"""One flight of what several files hold: one clock, one origin, written by the one writer."""
+"""One flight of what several files hold: one clock, one origin, tables of samples as they are."""
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +13,17 @@ import numpy as np
 from fgnav.checks import BadInputError, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import series, usual_noise, writer
 from fgnav.io.flight import toml as flight_toml
-from fgnav.io.flight.baselines import baseline, local_axes
+from fgnav.io.flight.columns import FORMATS, Samples
 from fgnav.io.flight.folder import load_flight
+from fgnav.io.flight.keys import table_of
+from fgnav.io.flight.writer import FILE_NAME, check_empty, numbered
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
 from fgnav.io.importers.recording import Recording, cleaned
 from fgnav.io.importers.settings import Settings
-from fgnav.types.flight import Antenna, Flight
+from fgnav.io.tables import write_table
+from fgnav.io.toml_writer import write_toml
 
 SETTINGS_NAME = "import.toml"
 _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
@@ -30,11 +33,11 @@ _OPTIONAL = ("barometer", "magnetometer")  # whose noise no log states
 class Assembled:
     """A flight to be written."""
 
-    flight: Flight  # without observations: RINEX files are copied as they are
-    observations: tuple[Path, ...]  # one an antenna, or none
-    navigation: tuple[Path, ...]
-    orbits: tuple[Path, ...]
-    # notes, missing: what the user should know, and what he must state, by the key of flight.toml
+    table: flight_toml.FlightTable
+    samples: dict[str, Samples]  # by the names of their files
+    files: dict[str, Path]  # RINEX and SP3, which are copied as they are, by their names in it
+    losses: tuple[Loss, ...]
+    # what the user should know, and what he must state, by the key of flight.toml
     notes: dict[str, str]
     missing: dict[str, str]
 
@@ -54,7 +57,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     recordings = [cleaned(_stated(one, settings)) for one in recordings]
     missing = {key: text for one in recordings for key, text in one.missing.items()}
     start_s = _start(recordings, settings, missing)
-    shifted = [_shifted(one, start_s, settings, missing) for one in recordings]
+    recordings = [_shifted(one, start_s, settings, missing) for one in recordings]
     undated = [
         one.source.name for one in recordings if one.clock == "own" and "fixes" in one.tables
     ]
@@ -63,34 +66,48 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
             f"{', '.join(undated)} have clocks of their own: the first fix of each was laid on the "
             "start. Where they share a clock, state start in [[csv]] of each"
         )
+    files = dict[str, Path]()
     observations, navigation, orbits = (
-        tuple(path for one in recordings for path in getattr(one, name))
-        for name in ("observations", "navigation", "orbits")
+        _named([path for one in recordings for path in getattr(one, kind)], files)
+        for kind in ("observations", "navigation", "orbits")
     )
-    antennas = _antennas(settings, observations, shifted, missing)
-    tables = {kind: rows for one in reversed(shifted) for kind, rows in one.tables.items()}
-    origin = origin_of(tables, observations, (navigation, orbits), start_s)
+    antennas = _antennas(settings, [files[name] for name in observations], recordings, missing)
+    if observations:
+        pairs = zip(antennas, observations, strict=True)
+        antennas = tuple(msgspec.structs.replace(a, observations=name) for a, name in pairs)
+    tables = {kind: rows for one in reversed(recordings) for kind, rows in one.tables.items()}
+    paths = [[files[name] for name in names] for names in (observations, navigation, orbits)]
+    origin = origin_of(tables, paths[0], (paths[1], paths[2]), start_s)
     if origin is None:
         missing["origin"] = "no file states a place: state one within some km of the flight"
         origin = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
-    flight = Flight(
-        name=settings.name or recordings[0].source.stem,
-        start_gps_s=start_s,
-        origin=origin,
-        antennas=antennas,
-        losses=tuple(loss for one in recordings for loss in one.losses),
-        gnss_noise=usual_noise.gnss_noise(dict.fromkeys(("code_m", "phase_m", "doppler_mps"))),
-        **_receivers(shifted, origin, antennas),
-        **_instruments(shifted, settings, origin),
-    )
+    samples, records = _records(recordings, settings, [one.name for one in antennas])
     return Assembled(
-        flight=flight,
-        observations=observations,
-        navigation=navigation,
-        orbits=orbits,
+        table=flight_toml.FlightTable(
+            format=flight_toml.FORMAT,
+            name=settings.name or recordings[0].source.stem,
+            start=flight_toml.gps_date(start_s),
+            rows={name: len(rows["t_s"]) for name, rows in samples.items()},
+            origin=table_of(flight_toml.Place, origin),
+            antenna=antennas,
+            gnss=flight_toml.GnssTable(navigation=navigation, orbits=orbits),
+            **records,
+        ),
+        samples=samples,
+        files=files,
+        losses=tuple(loss for one in recordings for loss in one.losses),
         notes={key: text for one in recordings for key, text in one.notes.items()},
         missing=missing,
     )
+
+
+def _named(paths: Sequence[Path], files: dict[str, Path]) -> tuple[str, ...]:
+    """Give files names in the flight, each its own; return these."""
+    names = []
+    for k, path in enumerate(paths, start=1):
+        names.append(f"{k}-{path.name}" if path.name in files else path.name)
+        files[names[-1]] = path
+    return tuple(names)
 
 
 def _stated(one: Recording, settings: Settings) -> Recording:
@@ -158,19 +175,17 @@ def _antennas(
     observations: Sequence[Path],
     recordings: Sequence[Recording],
     missing: dict[str, str],
-) -> tuple[Antenna, ...]:
+) -> tuple[flight_toml.AntennaTable, ...]:
     """Return the settings' antennas, else one of each observation file, or of each receiver."""
     count = max((last for _, last in _places(recordings)), default=-1) + 1
-    if settings.antenna:
-        if (observations and len(observations) != len(settings.antenna)) or count > len(
-            settings.antenna
-        ):
+    stated = settings.antenna
+    if stated:
+        if (observations and len(observations) != len(stated)) or count > len(stated):
             raise BadInputError(
-                f"key antenna: {len(settings.antenna)} antennas in --settings, but "
-                f"{len(observations)} observation files, and fixes and baselines of {count}"
+                f"key antenna: {len(stated)} antennas in --settings, but {len(observations)} "
+                f"observation files, and fixes and baselines of {count}"
             )
-        stated = settings.antenna
-        return tuple(Antenna(name=a.name, position_b_m=np.array(a.position_b_m)) for a in stated)
+        return stated
     names = [path.name.split(".")[0] for path in observations]
     if len(set(names)) < len(names):
         names = [f"a{k + 1}" for k in range(len(names))]
@@ -181,7 +196,9 @@ def _antennas(
             "no file states where the antenna sits: state forward, right, down, m, from the "
             "body's origin"
         )
-    return tuple(Antenna(name=name, position_b_m=np.zeros(3)) for name in names)
+    return tuple(
+        flight_toml.AntennaTable(name=name, position_b_m=(0.0, 0.0, 0.0)) for name in names
+    )
 
 
 def _places(recordings: Sequence[Recording]) -> list[tuple[int, int]]:
@@ -199,53 +216,47 @@ def _places(recordings: Sequence[Recording]) -> list[tuple[int, int]]:
     return places
 
 
-def _receivers(
-    recordings: Sequence[Recording], origin: Origin, antennas: Sequence[Antenna]
-) -> dict[str, Any]:
-    """Return fixes and baselines."""
-    fixes, baselines = [], []
-    for one, (first, second) in zip(recordings, _places(recordings), strict=True):
-        if "fixes" in one.tables:
-            fixes.append(
-                series.fixes(one.tables["fixes"], origin, antennas[first].name, where=one.source)
-            )
-        if "baseline" in one.tables:
-            ends = antennas[first].name, antennas[second].name
-            ends = ends[::-1] if one.baseline_ends_at_fixes else ends
-            rows = one.tables["baseline"]
-            R_nl = local_axes(origin, fixes, rows["t_s"])
-            baselines.append(baseline(rows, ends, R_nl, where=one.source))
-    return {"fixes": tuple(fixes), "baselines": tuple(baselines)}
-
-
-def _instruments(
-    recordings: Sequence[Recording], settings: Settings, origin: Origin
-) -> dict[str, Any]:
-    """Return the parts of a flight that it has one of, by name."""
-    parts: dict[str, Any] = {}
-    sources: dict[str, Path] = {}
-    for one in recordings:
+def _records(
+    recordings: Sequence[Recording], settings: Settings, antennas: Sequence[str]
+) -> tuple[dict[str, Samples], dict[str, Any]]:
+    """Return tables of samples by their files' names, and tables of flight.toml by their keys."""
+    samples, records = dict[str, Samples](), dict[str, list[Any]]()
+    for one, places in zip(recordings, _places(recordings), strict=True):
+        ends = [antennas[k] for k in places if k >= 0]
         for kind, rows in one.tables.items():
-            if kind in sources:
+            earlier = records.setdefault(kind, [])
+            if earlier and kind not in flight_toml.SEVERAL:
+                first = next(other.source.name for other in recordings if kind in other.tables)
                 raise BadInputError(
-                    f"{one.source}: has {kind}, as {sources[kind].name} has; a flight takes those "
-                    "of one instrument: import one of them, and the other as a flight of its own"
+                    f"{one.source}: has {kind}, as {first} has; a flight takes those of one "
+                    "instrument: import one of them, and the other as a flight of its own"
                 )
-            if kind in ("fixes", "baseline"):
-                continue
-            sources[kind] = one.source
-            if kind == "imu":
-                unit = settings.imu
-                usual = {k: v for k, v in one.imu_noise.items() if getattr(unit, k) is None}
-                parts[kind] = series.imu(rows, msgspec.structs.replace(unit, **usual))
-            elif kind == "barometer" and settings.barometer is not None:
-                parts[kind] = series.barometer(rows, settings.barometer)
-            elif kind == "magnetometer" and settings.magnetometer is not None:
-                parts[kind] = series.magnetometer(rows, settings.magnetometer)
-            elif kind == "truth":
-                source = one.truth_source
-                parts[kind] = series.truth(rows, origin, source=source, where=one.source)
-    return parts
+            name = numbered(kind, len(earlier))
+            samples[name] = rows
+            earlier.append(_keys(kind, one, settings, ends)(samples=name))
+    keys = {
+        kind: tuple(some) if kind in flight_toml.SEVERAL else some[0]
+        for kind, some in records.items()
+    }
+    return samples, keys
+
+
+def _keys(
+    kind: str, one: Recording, settings: Settings, ends: Sequence[str]
+) -> Callable[..., msgspec.Struct]:
+    """Return the table of flight.toml of an instrument, which its file's name completes."""
+    if kind == "fixes":
+        return partial(flight_toml.FixesTable, antenna=ends[0])
+    if kind == "baseline":
+        antennas = (ends[1], ends[0]) if one.baseline_ends_at_fixes else (ends[0], ends[1])
+        return partial(flight_toml.BaselineTable, antennas=antennas)
+    if kind == "truth":
+        return partial(flight_toml.TruthTable, source=one.truth_source)
+    stated = msgspec.structs.asdict(getattr(settings, kind))
+    usual = one.imu_noise if kind == "imu" else {}
+    values = {name: usual.get(name) if x is None else x for name, x in stated.items()}
+    table: Callable[..., msgspec.Struct] = flight_toml.RECORDS[kind]
+    return partial(table, **values)
 
 
 def write(
@@ -274,40 +285,20 @@ def write(
     BadInputError
         If the folder holds something, or what was written is no flight.
     """
-    writer.check_empty(folder)
+    check_empty(folder)
     with atomic_folder(folder) as new:
-        table = writer.write_parts(assembled.flight, new)
-        names = [
-            _copied(files, new)
-            for files in (assembled.observations, assembled.navigation, assembled.orbits)
-        ]
-        antennas = tuple(
-            msgspec.structs.replace(one, observations=names[0][k] if names[0] else None)
-            for k, one in enumerate(table.antenna)
-        )
-        gnss = msgspec.structs.replace(table.gnss, navigation=names[1], orbits=names[2])
-        table = msgspec.structs.replace(table, antenna=antennas, gnss=gnss)
-        flight_toml.write_flight_toml(new / writer.FILE_NAME, table, comments or {})
+        for name, rows in assembled.samples.items():
+            write_table(new / name, rows, FORMATS)
+        for name, path in assembled.files.items():
+            shutil.copyfile(path, new / name)
+        write_toml(new / FILE_NAME, assembled.table, comments or {})
         if settings is not None:
-            flight_toml.write_flight_toml(new / SETTINGS_NAME, settings)
+            write_toml(new / SETTINGS_NAME, settings)
         if verify:
             try:
                 load_flight(new)
             except BadInputError as error:
                 text = str(error)
-                files = (*assembled.observations, *assembled.navigation, *assembled.orbits)
-                for name, path in zip(sum(names, ()), files, strict=True):
+                for name, path in assembled.files.items():
                     text = text.replace(str(new / name), str(path))
                 raise BadInputError(text.replace(str(new), str(folder))) from error
-
-
-def _copied(files: Sequence[Path], folder: Path) -> tuple[str, ...]:
-    """Copy files into a folder; return their names there."""
-    names: list[str] = []
-    for path in files:
-        name = path.name
-        if (folder / name).exists():
-            name = f"{len(names) + 1}-{path.name}"
-        shutil.copyfile(path, folder / name)
-        names.append(name)
-    return tuple(names)

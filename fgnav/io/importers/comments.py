@@ -1,6 +1,7 @@
 """What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
 
-from fgnav.io.flight.usual_noise import IMU
+from fgnav.io.flight.columns import RATE
+from fgnav.io.flight.usual_noise import IMU, imu_noise
 from fgnav.io.importers.assemble import Assembled
 
 _MEANING = {
@@ -36,24 +37,27 @@ _MISSING = {
 
 def comments(assembled: Assembled) -> dict[str, str]:
     """Return comments by key of flight.toml: meanings, then what only this flight lacks."""
-    flight = assembled.flight
-    held = {"antenna": flight.antennas, "baseline": flight.baselines, "fixes": flight.fixes}
-    absent = {key for key, value in held.items() if not value}
-    absent |= {"imu"} if flight.imu is None else set()
-    by_key = {key: text for key, text in _MEANING.items() if key.split(".")[0] not in absent}
-    if flight.truth is None:
+    table = assembled.table
+    by_key = {
+        key: text
+        for key, text in _MEANING.items()
+        if getattr(table, key.split(".")[0]) or key == "truth"
+    }
+    if table.truth is None:
         by_key["truth"] = _MISSING["truth"]
-    if flight.imu is None:
+    if table.imu is None:
         by_key["imu"] = _MISSING["imu"]
-    elif flight.imu.unstated:
-        text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
-        usual = [f"{name} = {IMU[name]}" for name in flight.imu.unstated]
-        by_key["imu.noise"] = "\n".join([text, *usual])
-    if assembled.observations:
+    else:
+        gyroscope = RATE[0] in assembled.samples[table.imu.samples]
+        if unstated := imu_noise(table.imu, gyroscope=gyroscope)["unstated"]:
+            text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
+            usual = [f"{name} = {IMU[name]}" for name in unstated]
+            by_key["imu.noise"] = "\n".join([text, *usual])
+    if any(one.observations for one in table.antenna):
         by_key["gnss.base"] = _MISSING["base"]
-        if not (assembled.navigation or assembled.orbits):
+        if not (table.gnss.navigation or table.gnss.orbits):
             by_key["gnss.navigation"] = _MISSING["navigation"]
-    elif not flight.fixes:
+    elif not table.fixes:
         by_key["fixes"] = _MISSING["fixes"]
     texts = [*assembled.notes.items()]
     texts += [(key, f"EDIT: {text}") for key, text in assembled.missing.items()]

@@ -9,8 +9,8 @@ from fgnav.checks import BadInputError, FloatArray, NoSolutionError
 from fgnav.geometry.earth import Origin, geodetic
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.io.flight.columns import PLACE
-from fgnav.io.flight.toml import gps_seconds
-from fgnav.io.rinex.header import read_header
+from fgnav.io.gps_time import date_to_gps_s
+from fgnav.io.rinex.header import Header, read_header
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
 from fgnav.io.sp3.reader import read_precise
@@ -43,7 +43,7 @@ def origin_of(
                 height_m=height_m,
             )
     for path in observations:
-        words = _header(path).get("APPROX POSITION XYZ", "").split()
+        words = _header(path).text_of("APPROX POSITION XYZ").split()
         p_e_m = np.array([[float(word) for word in words[:3]]]) if len(words) >= 3 else np.zeros(3)
         if p_e_m.any():
             return _origin(p_e_m)
@@ -54,19 +54,12 @@ def origin_of(
 
 def first_epoch_gps_s(path: Path) -> float | None:
     """Return the first epoch of a RINEX header, its seconds cut off; None of none."""
-    words = _header(path).get("TIME OF FIRST OBS", "").split()
-    try:
-        year, month, day, hour, minute, second = (int(float(word)) for word in words[:6])
-        date = f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}"
-        return gps_seconds(path, date)
-    except (ValueError, IndexError):
-        return None
+    gps_s = np.floor(date_to_gps_s(_header(path).text_of("TIME OF FIRST OBS").split()))
+    return float(gps_s) if np.isfinite(gps_s) else None
 
 
-def _header(path: Path) -> dict[str, str]:
-    """Return the header lines of a RINEX file by their labels."""
-    lines = read_header(path, read_text(path), "observations").content
-    return {line[60:].strip(): line[:60] for line in reversed(lines)}
+def _header(path: Path) -> Header:
+    return read_header(path, read_text(path), "observations")
 
 
 def _origin(p_e_m: FloatArray) -> Origin:

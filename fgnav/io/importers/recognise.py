@@ -7,43 +7,11 @@ from tempfile import mkdtemp
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
-from fgnav.io.importers import importer_names
+from fgnav.io.importers import FORMATS, importer_names
 from fgnav.io.importers.formats.kfgins import is_increments
 from fgnav.io.tables import is_number
 from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, unpacked
 
-# First bytes, as the formats' documents have them.
-_MAGIC = (
-    (b"ULog\x01\x12\x35", "ulog"),
-    (b"\xa3\x95", "ardupilot"),
-    (b"\xb5\x62", "ubx"),
-    (b"$@", "sbf"),
-    (b"\xaa\x44", "novatel"),
-    (b"\x89MCAP0", "mcap"),
-    (b"#ROSBAG", "rosbag"),
-    (b"SQLite format 3", "rosbag"),
-    (b"\xd3", "rtcm3"),
-)
-# Lines of the beginning.
-_LINES = (
-    (rb".{60}(?:RINEX VERSION / TYPE|CRINEX VERS)", "rinex"),
-    (rb"#[a-d][PV]\d{4} ", "sp3"),
-    (rb"%.*[ ,;\t]Q[ ,;\t]", "pos"),
-    (rb"\$(?:[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]|HDT|THS)|PASHR),", "nmea"),
-    (rb"[#%](?:BESTPOS|BESTVEL|RANGE|HEADING2?)A,", "novatel"),
-)
-_SUFFIXES = {
-    ".csv": "csv",
-    ".pos": "pos",
-    ".ubx": "ubx",
-    ".sbf": "sbf",
-    ".gps": "novatel",
-    ".rtcm3": "rtcm3",
-    ".nmea": "nmea",
-    ".sp3": "sp3",
-    ".bin": "ardupilot",
-    ".crx": "rinex",
-}
 _HEAD_BYTES = 8192
 _TAKEN_PACKED = ("rinex", "sp3")  # their readers unpack
 
@@ -92,14 +60,12 @@ def plain(path: Path, scratch: Path) -> Path:
 def _format(path: Path) -> str:
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES)
-    for magic, name in _MAGIC:
-        if head.startswith(magic):
-            return name
     lines = head.split(b"\n")
-    for pattern, name in _LINES:
-        if any(re.match(pattern, line) for line in lines):
+    for name, one in FORMATS.items():
+        if head.startswith(one.begins) or any(re.match(one.line, line) for line in lines):
             return name
-    named = _SUFFIXES.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    named = next((name for name, one in FORMATS.items() if suffix and one.suffix == suffix), None)
     if named not in (None, "csv"):
         return str(named)
     text = head.decode(encoding_of(head[:4]), "replace")

@@ -8,11 +8,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
-from fgnav.io.flight.columns import PLACE, largest
-from fgnav.io.flight.series import COLUMNS, LEAST_SIGMA
+from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, Samples, fault_of_columns, largest
+from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
 
-Samples: TypeAlias = Mapping[str, FloatArray]
 # After which counters begin anew: 32 bits of ns, us and ms; a day, a week.
 _PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
 _NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
@@ -71,16 +70,9 @@ class Recording:
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
         for kind, table in self.tables.items():
-            required, groups = COLUMNS[kind]
-            surplus = set(table) - set(required)
-            for group in groups:
-                surplus -= set(group) if set(group) <= surplus else set()
-            missing = sorted(set(required) - set(table))
-            if surplus or missing:
-                raise BadInputError(
-                    f"{self.source}: {kind}: columns {', '.join(missing or sorted(surplus))} "
-                    f"{'are missing' if missing else 'make no full group of known ones'}"
-                )
+            fault = fault_of_columns([*table], *COLUMNS[kind])
+            if fault:
+                raise BadInputError(f"{self.source}: {kind}: {fault}")
 
 
 def cleaned(recording: Recording) -> Recording:
@@ -173,19 +165,6 @@ def _in_order(t_s: FloatArray) -> BoolArray:
         if len(made_up) and t_s[start + made_up[0] + 1] > latest_s[start - 1]:
             later[start : start + made_up[0] + 1] = False
     return later
-
-
-def samples(t_s: FloatArray, *blocks: tuple[tuple[str, ...], FloatArray]) -> Samples:
-    """Return a table of times and of blocks, (k, c) or (k,), under their columns' names."""
-    table: dict[str, FloatArray] = {"t_s": np.asarray(t_s, np.float64)}
-    for names, block in blocks:
-        table |= vectors(names, block.reshape(len(t_s), len(names)))
-    return table
-
-
-def vectors(names: tuple[str, ...], block: FloatArray) -> dict[str, FloatArray]:
-    """Return columns by name of a block, (k, c)."""
-    return {name: np.asarray(block[:, k], np.float64) for k, name in enumerate(names)}
 
 
 def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Loss:

@@ -1,13 +1,12 @@
 """What the user says about foreign files: a small TOML, ``fgnav import --settings``."""
 
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
 from fgnav.checks import quoted
-from fgnav.io.flight.columns import BASELINE
+from fgnav.io.flight.columns import BASELINE, fault_of_columns
 from fgnav.io.flight.series import COLUMNS
 from fgnav.io.flight.toml import AntennaTable, BarometerKeys, ImuKeys, MagnetometerKeys, Place
 from fgnav.io.strict_toml import Table, as_table, read_toml
@@ -57,18 +56,11 @@ class CsvTable(Table, frozen=True, kw_only=True):
         required, groups = COLUMNS[self.table]
         if self.table == "fixes" and BASELINE[0] in self.columns:
             required = ("t_s", *BASELINE)
-        allowed = [*required, *(name for group in groups for name in group)]
-        for name in self.columns:
-            if name not in allowed:
-                near = get_close_matches(name, allowed, n=1, cutoff=0.0)[0]
-                msg = f"columns: unknown column {quoted(name)}; the nearest known one is {near}"
-                raise ValueError(msg)
-        wanted = [*required]
-        wanted += [n for group in groups if any(x in self.columns for x in group) for n in group]
-        for name in wanted:
-            if name not in self.columns:
-                msg = f"columns: {name} is missing; name the file's column for it"
-                raise ValueError(msg)
+        fault = fault_of_columns([*self.columns], required, groups)
+        if fault:
+            mend = "; name the file's column for it" if fault.endswith("missing") else ""
+            msg = f"columns: {fault}{mend}"
+            raise ValueError(msg)
         for kind, unit in self.units.items():
             if unit not in UNITS.get(kind, {}):
                 rule = f"must be one of {', '.join(UNITS[kind])}" if kind in UNITS else "unknown"

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, quoted
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import date_to_gps_s
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import is_number
 
@@ -33,9 +33,6 @@ class Header:
     # observation types by letter of the constellation; all letters share one tuple in RINEX 2
     types: dict[str, tuple[str, ...]]
     time_system: str  # ``GPS``, ``GLO``, ``GAL``, ``QZS``, ``BDT``; of observations
-    # announced last epoch, microseconds since 1980-01-06 in the file's time system
-    last_us: int | None
-    interval_s: float | None  # announced time between epochs
     klobuchar: tuple[float, ...]  # GPS ionosphere, alpha and beta; zeros where absent
     size: int  # bytes of the head, its last line included
     content: tuple[str, ...]  # its lines
@@ -48,6 +45,22 @@ class Header:
     def lines(self) -> int:
         """Return the number of its lines."""
         return len(self.content)
+
+    def text_of(self, label: str) -> str:
+        """Return the first 60 columns of the first line with a label; nothing without one."""
+        return next((line[:60] for line in self.content if line[60:].strip() == label), "")
+
+    @property
+    def last_gps_s(self) -> float:
+        """Return the announced last epoch, in the file's time system; NaN of none."""
+        return date_to_gps_s(self.text_of("TIME OF LAST OBS")[:43].split())
+
+    @property
+    def interval_s(self) -> float:
+        """Return the announced time between epochs; 0 where it is absent or none."""
+        text = self.text_of("INTERVAL")[:10]
+        interval_s = float(text) if is_number(text) else 0.0
+        return interval_s if 0 < interval_s < np.inf else 0.0
 
 
 class _Line(NamedTuple):
@@ -97,8 +110,6 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         system=system,
         types=types,
         time_system=time_system,
-        last_us=_last_us(lines),
-        interval_s=_interval_s(lines),
         klobuchar=_klobuchar(lines, system),
         size=size,
         content=tuple(one.whole for one in lines),
@@ -215,29 +226,6 @@ def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
             for band, factor in zip("12", factors, strict=True):
                 half |= {(name, band) for name in names or [""] if factor == "2"}
     return frozenset(half)
-
-
-def _last_us(lines: list[_Line]) -> int | None:
-    """Return the announced last epoch; None where it is absent or no date."""
-    for line in lines:
-        if line.label == "TIME OF LAST OBS":
-            words = line.text[:43].split()
-            try:
-                year, month, day, hour, minute = (int(word) for word in words[:5])
-                date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-                second = float(words[5])
-            except (ValueError, IndexError):
-                return None
-            since = int((date - GPS_EPOCH) / np.timedelta64(1, "us"))
-            return since + round((hour * 3600 + minute * 60 + second) * 1e6)
-    return None
-
-
-def _interval_s(lines: list[_Line]) -> float | None:
-    """Return the announced time between epochs; None where it is absent, zero or no number."""
-    text = next((line.text[:10] for line in lines if line.label == "INTERVAL"), "")
-    interval_s = float(text) if is_number(text) else 0.0
-    return interval_s if 0 < interval_s < np.inf else None
 
 
 def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:

@@ -11,16 +11,15 @@ References
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from datetime import date
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, Loss
-from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S, date_to_gps_s
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
@@ -59,7 +58,6 @@ _NO_ACCURACY_M = 8192.0
 _LARGEST_SISA_M = 6.0  # OS SIS ICD 2.1, table 89
 _DAY_S = 86_400.0
 _WEEKS = 1024  # after which receivers' week numbers begin anew
-_FIRST_DAY = date(1980, 1, 6)
 _WIDTH, _ROWS = 19, 8  # of a field, of a message
 _DECODED = ("LNAV", "INAV", "FNAV", "D1", "D2")  # RINEX 4 messages laid out as in RINEX 3
 _DATE = r"((?: {year})(?: [ \d]\d){{5}})"
@@ -175,14 +173,10 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
     begin = _BEGIN[version].match(lines[0]) if lines else None
     if begin is None or len(lines) != _ROWS:
         return f"must have {_ROWS} lines, the first with its date"
-    year, *others = (int(word) for word in begin[2].split())
-    month, day, hour, minute, second = others
-    year += (1900 if year >= 80 else 2000) if version == 2 else 0
-    try:
-        days = (date(year, month, day) - _FIRST_DAY).days
-    except ValueError:
-        return "must have a date"
-    if not (days >= 0 and hour < 24 and minute < 60 and second < 61):
+    year, *others = begin[2].split()
+    century = ("19" if int(year) >= 80 else "20") if version == 2 else ""
+    time_s = date_to_gps_s([century + year.zfill(2), *others])
+    if not time_s >= 0:
         return "must have a date"
     shift = begin.end() - _WIDTH  # of fields: a date may stand a column late
     words = [lines[0][shift + _WIDTH * k :][:_WIDTH] for k in range(1, 4)]
@@ -197,7 +191,6 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
             numbers.append(float(text.upper().replace("D", "E") or "0"))
         except ValueError:
             return "must hold numbers such as -1.234567890123E-04"
-    time_s = _DAY_S * days + 3600.0 * hour + 60.0 * minute + second
     return _Message(name, time_s, tuple(numbers))
 
 

@@ -7,7 +7,7 @@ from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.navigation import to_broadcast
 from fgnav.io.rinex.observations import to_observations
-from fgnav.io.rinex.signals import choose_signals
+from fgnav.io.rinex.signals import check_wanted
 from fgnav.io.rinex.text import read_text
 from fgnav.progress import steps
 from fgnav.types.observations import Observations
@@ -28,7 +28,7 @@ def read_rinex(
     start_gps_s: float,
     signals: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[BroadcastOrbits | None, list[Observations]]:
-    """Read broadcast messages and several receivers' files, which agree on signals where they can.
+    """Read broadcast messages and several receivers' files.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def read_rinex(
     start_gps_s : float
         GPS time of ``t_s = 0``.
     signals : mapping of str to sequence of str
-        Those wanted, by constellation letter; by default one each of three carriers.
+        Those wanted, by constellation letter; by default all of three carriers.
 
     Returns
     -------
@@ -55,9 +55,9 @@ def read_rinex(
     """
     texts = [read_text(path) for path in receivers]
     headers = [read_header(p, t, "observations") for p, t in zip(receivers, texts, strict=True)]
-    choices = choose_signals(headers, signals)
+    check_wanted(headers, signals or {})
     observations = [
-        to_observations(headers[k], texts[k], choices[k], start_gps_s)
+        to_observations(headers[k], texts[k], start_gps_s, signals or {})
         for k in steps(len(receivers))
     ]
     if not messages:

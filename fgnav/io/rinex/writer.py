@@ -1,6 +1,5 @@
 """Writing RINEX 3.04 and 4.00: observations of one antenna, broadcast messages."""
 
-from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
-from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, to_ticks
+from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, gps_s_to_date, to_ticks
 from fgnav.io.rinex.navigation import (
     ACCURACY,
     BDT_WEEK,
@@ -124,7 +123,7 @@ def _epochs(
     ends = np.cumsum(is_measured.sum(axis=1)).tolist()
     out = []
     for tick, begin, end in zip(ticks.tolist(), [0, *ends], ends, strict=False):
-        date = " ".join(f"{part:02d}" for part in _date(tick)[:5])
+        date = " ".join(f"{part:02d}" for part in gps_s_to_date(tick // TICKS_PER_S)[:5])
         second = (tick % (60 * TICKS_PER_S)) / TICKS_PER_S
         out += [f"> {date}{second:11.7f}  0{end - begin:3d}\n".encode("ascii"), *lines[begin:end]]
     return b"".join(out)
@@ -150,12 +149,6 @@ def _layout(observations: Observations) -> tuple[list[str], IntArray, dict[str, 
         for k, signal in enumerate(signals[satellite[0]]):
             channels[row, k] = column.get((satellite, signal), -1)
     return satellites, channels, signals
-
-
-def _date(ticks: int) -> tuple[int, ...]:
-    """Return year, month, day, hour, minute, second."""
-    date = datetime(1980, 1, 6) + timedelta(seconds=ticks // TICKS_PER_S)
-    return date.timetuple()[:6]
 
 
 def _head(
@@ -188,7 +181,7 @@ def _head(
     if len(ticks) > 1:
         lines.append(_line(f"{np.median(np.diff(ticks)) / TICKS_PER_S:10.3f}", "INTERVAL"))
     for k, label in ((0, "FIRST"), (-1, "LAST")) if len(ticks) else ():
-        *date, second = _date(int(ticks[k]))
+        *date, second = gps_s_to_date(int(ticks[k]) // TICKS_PER_S)
         content = "".join(f"{part:6d}" for part in date)
         content += f"{second:5d}.{int(ticks[k]) % TICKS_PER_S:07d}     GPS"
         lines.append(_line(content, f"TIME OF {label} OBS"))
@@ -255,7 +248,7 @@ def _type(record: NDArray[Any]) -> str:
 
 def _ionosphere(klobuchar: FloatArray, start_gps_s: float) -> str:
     """Return the record of the GPS ionosphere model (RINEX 4.00, table A33), worldwide."""
-    date = _date(int(start_gps_s) * TICKS_PER_S)
+    date = gps_s_to_date(start_gps_s)
     first = "    " + " ".join(f"{part:02d}" for part in date)
     fields = [f"{value:19.12E}" for value in (*klobuchar, 0.0)]
     rows = [
@@ -286,7 +279,7 @@ def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
     numbers[TRANSMISSION] = sent_s - week * WEEK_S
     if letter not in "EC":
         numbers[DELAYS.stop - 1], numbers[TRANSMISSION + 1] = record["issue"], 4.0  # IODC, hours
-    date = " ".join(f"{part:02d}" for part in _date(round(toc_s) * TICKS_PER_S))
+    date = " ".join(f"{part:02d}" for part in gps_s_to_date(round(toc_s)))
     words = [f"{x:19.12E}" for x in numbers.tolist()]
     rows = ["    " + "".join(words[k : k + 4]) for k in range(3, 31, 4)]
     return "\n".join([f"{record['satellite']} {date}{''.join(words[:3])}", *rows, ""])

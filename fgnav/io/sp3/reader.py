@@ -9,14 +9,14 @@ References
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, quoted
-from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.rinex.observations import CONSTELLATIONS, KNOWN_SATELLITES, in_order
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
+from fgnav.io.gps_time import UNIX_OF_GPS_S, date_to_gps_s, gps_of_utc
+from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
+from fgnav.io.rinex.observations import first_of_each, in_order
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
@@ -27,18 +27,6 @@ _UTC = ("UTC", "GLO")
 _NO_CLOCK_US = 999_999.0
 _WIDTH = 60  # columns of a position record that are read
 _OTHERS = CONSTELLATIONS | {"L": "low satellites'"}
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _File:
-    """One file: epochs, and arrays of its satellites."""
-
-    path: Path
-    t_s: FloatArray
-    satellites: tuple[str, ...]
-    p_e_m: FloatArray
-    clock_s: FloatArray
-    counts: Counter[tuple[str, str]]
 
 
 def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
@@ -64,36 +52,34 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
-    files = sorted((_read(path, start_gps_s) for path in paths), key=lambda one: float(one.t_s[0]))
-    seen = sorted({name for file in files for name in file.satellites})
-    satellites = [name for name in seen if name[0] in KNOWN_SATELLITES]
-    counts = Counter[tuple[str, str]]()
-    t_s, p_e_m, clock_s = [], [], []
+    files = [(_read(path, start_gps_s), path.name) for path in paths]
+    files.sort(key=lambda one: float(one[0].t_s[0]))
+    satellites = sorted({name for file, _ in files for name in file.satellites})
+    t_s, p_e_m, clock_s, losses = [], [], [], list[Loss]()
     end_s = -np.inf
-    for file in files:
+    for file, name in files:
         later = file.t_s > end_s
-        counts += file.counts
-        counts[f"{file.path.name} epoch", "an earlier file has it too"] += int((~later).sum())
-        column = [satellites.index(name) for name in file.satellites if name in satellites]
-        mine = [k for k, name in enumerate(file.satellites) if name in satellites]
+        column = [satellites.index(name) for name in file.satellites]
         place = np.full((int(later.sum()), len(satellites), 3), np.nan)
         clock = np.full(place.shape[:2], np.nan)
-        place[:, column] = file.p_e_m[later][:, mine]
-        clock[:, column] = file.clock_s[later][:, mine]
+        place[:, column], clock[:, column] = file.p_e_m[later], file.clock_s[later]
         t_s.append(file.t_s[later])
         p_e_m.append(place)
         clock_s.append(clock)
         end_s = max(end_s, float(file.t_s[-1]))
+        losses += file.losses
+        reason, count = "an earlier file has it too", int((~later).sum())
+        losses += [Loss(what=f"{name} epoch", reason=reason, count=count)] if count else []
     return PreciseOrbits(
         t_s=np.concatenate(t_s),
         satellites=tuple(satellites),
         p_e_m=np.concatenate(p_e_m),
         clock_s=np.concatenate(clock_s),
-        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
+        losses=tuple(losses),
     )
 
 
-def _read(path: Path, start_gps_s: float) -> _File:
+def _read(path: Path, start_gps_s: float) -> PreciseOrbits:
     """Read one file."""
     content = read_text(path).tobytes().decode("latin-1").rstrip("\x1a\0")
     lines = content.split("\n")
@@ -109,7 +95,7 @@ def _read(path: Path, start_gps_s: float) -> _File:
     names = [_name(lines[k][1:4]) for k in records.tolist()]
     column = np.array([number.get(name, -1) for name in names], np.int64)
     whole &= (column >= 0) & (row >= 0)
-    whole[whole] = _first_of_each(row[whole] * len(satellites) + column[whole])
+    whole[whole] = first_of_each(row[whole] * len(satellites) + column[whole])
     usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
     if not usable.any():
         raise BadInputError(
@@ -137,7 +123,14 @@ def _read(path: Path, start_gps_s: float) -> _File:
     for k, n in Counter(names[k][0] for k in np.flatnonzero(usable)).items():
         if k not in KNOWN_SATELLITES:
             counts[f"{_OTHERS.get(k, k)} orbit", "constellation not used"] = n
-    return _File(path, t_s[good], satellites, p_e_m[good], clock_s[good], counts)
+    is_used = np.array([name[0] in KNOWN_SATELLITES for name in satellites])
+    return PreciseOrbits(
+        t_s=t_s[good],
+        satellites=tuple(np.array(satellites)[is_used].tolist()),
+        p_e_m=p_e_m[good][:, is_used],
+        clock_s=clock_s[good][:, is_used],
+        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
+    )
 
 
 def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
@@ -175,28 +168,8 @@ def _name(text: str) -> str:
 
 def _gps_s(lines: Sequence[str], scale: str) -> FloatArray:
     """Return the GPS times of epochs; NaN where there is no date."""
-    t_s = np.full(len(lines), np.nan)
-    for k, line in enumerate(lines):
-        words = line[1:].split()
-        try:
-            year, month, day, hour, minute = (int(word) for word in words[:5])
-            date = np.datetime64(f"{year:04d}-{month:02d}-{day:02d}", "us")
-            second = float(words[5])
-        except (ValueError, IndexError):
-            continue
-        if 0 <= hour < 24 and 0 <= minute < 60 and 0 <= second < 61:
-            days_s = (date - GPS_EPOCH) / np.timedelta64(1, "s")
-            t_s[k] = days_s + hour * 3600 + minute * 60 + second
-    if scale in _UTC:
-        return gps_of_utc(t_s + UNIX_OF_GPS_S)
-    return t_s + _BEHIND_GPS_S[scale]
-
-
-def _first_of_each(keys: IntArray) -> BoolArray:
-    """Return which of equal keys are the first."""
-    first = np.zeros(len(keys), np.bool_)
-    first[np.unique(keys, return_index=True)[1]] = True
-    return first
+    t_s = np.array([date_to_gps_s(line[1:].split()) for line in lines], np.float64)
+    return gps_of_utc(t_s + UNIX_OF_GPS_S) if scale in _UTC else t_s + _BEHIND_GPS_S[scale]
 
 
 def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:

@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.io.gps_time import GPS_EPOCH
+from fgnav.io.gps_time import WEEK_S, gps_s_to_date
 from fgnav.types.orbits import PreciseOrbits
 
 _NO_CLOCK = 999_999.999999
-_WEEK_S = 604_800
 
 
 def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> None:
@@ -22,7 +21,7 @@ def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> N
     gps_s = start_gps_s + orbits.t_s
     names = list(orbits.satellites)
     step_s = float(np.median(np.diff(gps_s))) if len(gps_s) > 1 else 0.0
-    week, second = divmod(gps_s[0], _WEEK_S)
+    week, second = divmod(gps_s[0], WEEK_S)
     day = int(gps_s[0] // 86_400)
     modified_julian = 44_244 + day  # MJD of 1980-01-06
     lines = [
@@ -52,9 +51,7 @@ def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> N
 
 def _date(gps_s: float) -> str:
     """Return year, month, day, hour, minute, second in SP3's columns."""
-    ticks = round(gps_s * 1e6)
-    seconds, microseconds = divmod(ticks, 1_000_000)
-    date = (GPS_EPOCH + np.timedelta64(seconds, "s")).item()
-    second = date.second + microseconds / 1e6
-    day = f"{date.year:4d} {date.month:2d} {date.day:2d}"
-    return f"{day} {date.hour:2d} {date.minute:2d} {second:11.8f}"
+    whole_s, microseconds = divmod(round(gps_s * 1e6), 1_000_000)
+    year, month, day, hour, minute, second = gps_s_to_date(whole_s)
+    date = f"{year:4d} {month:2d} {day:2d} {hour:2d} {minute:2d}"
+    return f"{date} {second + microseconds / 1e6:11.8f}"

@@ -8,7 +8,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
-from fgnav.io.flight import writer as flight_writer
+from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
 from tests.io.flights import START_GPS_S, whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
@@ -241,7 +241,7 @@ def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, mon
     def fail(*_: object) -> None:
         raise BadInputError("disk full")
 
-    monkeypatch.setattr(flight_writer.flight_toml, "write_flight_toml", fail)
+    monkeypatch.setattr(flight_folder, "write_toml", fail)
     with pytest.raises(BadInputError, match="disk full"):
         save_flight(saved[0], tmp_path / "deep" / "new")
     assert list((tmp_path / "deep").iterdir()) == []

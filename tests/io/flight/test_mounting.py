@@ -3,7 +3,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.flight.folder import load_flight, save_flight
-from fgnav.io.flight.mounting import FORWARD_RIGHT_DOWN, mounting
+from fgnav.io.flight.series import FORWARD_RIGHT_DOWN, mounting
 from tests.io.flights import whole_flight
 
 MM = 1e-3

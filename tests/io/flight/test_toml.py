@@ -8,8 +8,8 @@ from fgnav.io.flight.toml import (
     gps_date,
     gps_seconds,
     read_flight_toml,
-    write_flight_toml,
 )
+from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import InitialAttitude
 
 GOOD = """\
@@ -40,7 +40,7 @@ def test_tables_are_read_and_written_back(tmp_path):
     assert table.origin.longitude_deg == -3.0
     assert table.antenna[0].position_b_m == (0.0, 0.0, 1e-3)
     assert (table.gnss.code_noise_m, table.gnss.elevation_weights) == (None, "uniform")
-    write_flight_toml(tmp_path / "again.toml", table)
+    write_toml(tmp_path / "again.toml", table)
     assert read_flight_toml(tmp_path / "again.toml") == table
 
 
@@ -114,7 +114,7 @@ def test_start_may_carry_fractions_and_comes_back(tmp_path):
 def test_an_initial_attitude_is_read_strictly_and_written_back(tmp_path):
     table = read(tmp_path, GOOD + "[initial]\nheading_deg = 90\nheading_sigma_deg = 2.0\n")
     assert table.initial.heading_deg == 90.0
-    write_flight_toml(tmp_path / "again.toml", table)
+    write_toml(tmp_path / "again.toml", table)
     assert read_flight_toml(tmp_path / "again.toml") == table
     with pytest.raises(BadInputError, match=r"initial.heading: unknown; .* initial.heading_deg"):
         read(tmp_path, GOOD + "[initial]\nheading = 90\n")

@@ -1,5 +1,9 @@
 """Importers as the command line calls them."""
 
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
@@ -26,9 +30,22 @@ def imported(tmp_path, name, *files, toml=None):
     scratch = tmp_path / "scratch"
     scratch.mkdir(exist_ok=True)
     found = [importer_named(name)(file, settings, scratch) for file in files]
+    whole = whole_of(found, settings, tmp_path / "flight")
+    return whole, whole.flight
+
+
+def whole_of(found, settings, folder=None):
+    """Return what is made of recordings, with the flight as it is written and read again."""
     whole = assemble(found, settings)
-    write(whole, tmp_path / "flight", verify=False)
-    return whole, load_flight(tmp_path / "flight")
+    with TemporaryDirectory() as scratch:
+        folder = folder or Path(scratch) / "flight"
+        write(whole, folder, verify=False)
+        return SimpleNamespace(
+            flight=load_flight(folder),
+            losses=whole.losses,
+            notes=whole.notes,
+            missing=whole.missing,
+        )
 
 
 def refused(capsys, tmp_path, file, *words):

@@ -78,7 +78,7 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     np.testing.assert_allclose(flight.fixes[0].v_n_mps[0], [0, 5, 0.5], atol=1e-6)
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
-    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    lost = {loss.reason: loss.count for loss in whole.losses}
     assert lost == {"has no height (Status)": 1, "of another instance": 100}
 
 
@@ -116,18 +116,10 @@ def test_barometer_and_magnetometer_come_with_their_stated_noise(tmp_path):
     np.testing.assert_allclose(flight.magnetometer.field_b_ut[0], [25, -12.5, 50])
 
 
-def test_instruments_of_unstated_noise_are_left_out_and_counted(tmp_path):
-    (tmp_path / "log.BIN").write_bytes(log(around=True))
-    whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
-    assert (flight.barometer, flight.magnetometer) == (None, None)
-    lost = {loss.what: loss.count for loss in whole.flight.losses}
-    assert (lost["barometer row"], lost["magnetometer row"]) == (3, 3)
-
-
 def test_messages_that_are_not_read_are_counted(tmp_path):
     (tmp_path / "log.BIN").write_bytes(log(around=True).replace(b"MAG\0", b"MGX\0"))
     whole, _ = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
-    assert {one.what: one.count for one in whole.flight.losses}["MGX message"] == 3
+    assert {one.what: one.count for one in whole.losses}["MGX message"] == 3
 
 
 def test_without_undulation_heights_are_above_the_sea_and_that_is_said(tmp_path):
@@ -144,7 +136,7 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
     (tmp_path / "log.BIN").write_bytes(content[:middle] + b"\0" * 50 + content[middle:])
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
     assert len(flight.imu.t_s) == 100
-    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    lost = {loss.reason: loss.count for loss in whole.losses}
     assert lost["in no message: the log is damaged there"] == 50
 
 

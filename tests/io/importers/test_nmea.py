@@ -29,7 +29,7 @@ def rmc(time, date="010124", status="A"):
 def read(tmp_path, *sentences, toml=None):
     (tmp_path / "a.nmea").write_bytes("".join(sentences).encode())
     whole, flight = imported(tmp_path, "nmea", tmp_path / "a.nmea", toml=toml)
-    return flight, {f"{one.what}: {one.reason}": one.count for one in whole.flight.losses}, whole
+    return flight, {f"{one.what}: {one.reason}": one.count for one in whole.losses}, whole
 
 
 def test_a_date_dates_what_stands_before_it_across_midnight(tmp_path):

@@ -13,7 +13,7 @@ from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.streams import messages
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
-from tests.io.importers.helpers import refused
+from tests.io.importers.helpers import refused, whole_of
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
 WEEK, TOW_S = 2111, 345_600.0  # 2020-06-25T00:00:00
@@ -231,7 +231,7 @@ def test_without_a_place_in_the_header_code_tells_the_origin(shared, tmp_path):
     settings, scratch = Settings(), tmp_path
     read = importer_named("rinex")
     found = [read(file, settings, scratch) for file in (tmp_path / "wtzr.rnx", messages)]
-    whole = assemble(found, settings)
+    whole = whole_of(found, settings)
     known = np.array([float(word) for word in station.split()[:3]])
     assert np.linalg.norm(whole.flight.origin.p_e_m - known) < 10  # m, of a code solution
     assert "origin" not in whole.missing

@@ -96,7 +96,7 @@ def test_units_and_fixes_come_out_as_recorded(tmp_path, kind):
     p_e_m = ecef(np.radians([47.0]), np.radians([8.0]), np.array([450.0]))[0]
     np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m)[0], p_e_m, atol=1e-6)
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [3, 2, 4])
-    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    lost = {loss.reason: loss.count for loss in whole.losses}
     assert lost == {"the receiver had none (status)": 1, "has no covariance, as most have": 1}
 
 
@@ -114,7 +114,7 @@ def test_instruments_of_unstated_noise_are_left_out_and_counted(tmp_path):
     bag(tmp_path / "log", "mcap", surroundings=True)
     whole, flight = imported(tmp_path, "rosbag", tmp_path / "log")
     assert (flight.barometer, flight.magnetometer) == (None, None)
-    lost = {loss.what: loss.count for loss in whole.flight.losses}
+    lost = {loss.what: loss.count for loss in whole.losses}
     assert (lost["barometer row"], lost["magnetometer row"]) == (20, 20)
 
 

@@ -129,7 +129,7 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path):
     (tmp_path / "rover.ubx").write_bytes(gga("235942.00").encode() + ubx())
     whole, flight = imported(tmp_path, "ubx", tmp_path / "rover.ubx")
     assert_fixes(flight)
-    lost = {f"{one.what}: {one.reason}": one.count for one in whole.flight.losses}
+    lost = {f"{one.what}: {one.reason}": one.count for one in whole.losses}
     assert lost == {"place: of a sentence: a message of another protocol has it": 1}
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035)
     (baseline,) = flight.baselines
@@ -157,7 +157,7 @@ def test_vectors_that_are_none_of_the_vehicle_are_counted(tmp_path, flags, reaso
     (tmp_path / "rover.ubx").write_bytes(ubx(flags=flags))
     whole, flight = imported(tmp_path, "ubx", tmp_path / "rover.ubx")
     assert flight.baselines == ()
-    (loss,) = whole.flight.losses
+    (loss,) = whole.losses
     assert (loss.what, loss.count) == ("NAV-RELPOSNED message", EPOCHS)
     assert reason in loss.reason
 
@@ -168,7 +168,7 @@ def test_septentrio_gives_fixes_covariances_and_headings(tmp_path):
     assert_fixes(flight)
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035, rtol=1e-6)
     assert_heading(flight)
-    assert whole.flight.losses == ()
+    assert whole.losses == ()
 
 
 def ascii_log(name, text, k):
@@ -196,7 +196,7 @@ def test_a_cut_file_is_read_to_its_last_whole_epoch(tmp_path):
     whole, flight = imported(tmp_path, "sbf", tmp_path / "rover.sbf")
     assert len(flight.fixes[0].t_s) == EPOCHS - 1
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m, [SIGMA] * (EPOCHS - 1), rtol=1e-6)
-    lost = {one.reason: one.count for one in whole.flight.losses}
+    lost = {one.reason: one.count for one in whole.losses}
     assert lost["has no sigma, as most have"] == 1
 
 
@@ -235,7 +235,7 @@ def test_raw_measurements_with_messages_go_before_a_solution(tmp_path):
     (tmp_path / "rover.ubx").write_bytes(raw_ubx() + ubx())
     whole, flight = imported(tmp_path, "ubx", tmp_path / "rover.ubx")
     assert_fixes(flight)  # no broadcast messages in it
-    lost = {one.what: one.reason for one in whole.flight.losses}
+    lost = {one.what: one.reason for one in whole.losses}
     assert "solution = false in --settings takes it" in lost["RXM-RAWX message"]
     (tmp_path / "brdc.nav").write_text(navigation_head() + message())
     (tmp_path / "s.toml").write_text("solution = false\n")
@@ -251,9 +251,7 @@ def test_fixes_of_no_dimension_are_counted(tmp_path, capsys):
     (tmp_path / "a.ubx").write_bytes(pvt(0, fix_type=2) + pvt(1))
     whole, flight = imported(tmp_path, "ubx", tmp_path / "a.ubx")
     assert len(flight.fixes[0].t_s) == 1
-    assert [one.reason for one in whole.flight.losses] == [
-        "the receiver had no fix of three dimensions"
-    ]
+    assert [one.reason for one in whole.losses] == ["the receiver had no fix of three dimensions"]
     (tmp_path / "b.ubx").write_bytes(pvt(0, fix_type=2))
     assert "b.ubx: has no fix of a receiver" in refused(capsys, tmp_path, tmp_path / "b.ubx")
     (tmp_path / "c.sbf").write_bytes(sbf(error=1))

@@ -87,7 +87,7 @@ def test_samples_fixes_and_filter_come_out_as_logged(file, tmp_path):
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
     np.testing.assert_allclose(to_euler(flight.truth.R_nb)[0], [0, 0, 0.4], atol=1e-6)
-    lost = {loss.reason: loss.count for loss in whole.flight.losses}
+    lost = {loss.reason: loss.count for loss in whole.losses}
     assert lost == {"has no height (fix_type)": 1}
     assert whole.flight.truth.is_reference
     assert whole.notes["truth"] == "the on-board filter's estimate, not truth"
@@ -120,7 +120,7 @@ def test_a_moving_base_is_a_baseline(tmp_path):
     assert baseline.antennas == ("gps2", "gps1")
     np.testing.assert_allclose(baseline.t_s, [-1, 1], atol=1e-6)
     np.testing.assert_allclose(baseline.vector_n_m, [[0.1, -1.5, 0.02]] * 2, rtol=1e-6)
-    lost = {loss.what: loss.count for loss in whole.flight.losses}
+    lost = {loss.what: loss.count for loss in whole.losses}
     assert lost["baseline"] == 1
 
 

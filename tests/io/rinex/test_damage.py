@@ -10,7 +10,6 @@ from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
 from fgnav.io.rinex.observations import to_observations
 from fgnav.io.rinex.reader import read_navigation, read_rinex
-from fgnav.io.rinex.signals import choose_signals
 from tests.io.rinex_texts import (
     epoch_3,
     head_3,
@@ -30,7 +29,7 @@ BODY = GOOD.index("\n>") + 1
 def scan(text):
     content = np.frombuffer(text.encode("latin-1"), np.uint8)
     header = read_header(Path("a.rnx"), content, "observations")
-    return to_observations(header, content, choose_signals([header])[0], START_GPS_S)
+    return to_observations(header, content, START_GPS_S, {})
 
 
 def same(a, b) -> bool:

@@ -66,8 +66,8 @@ def test_klobuchar_and_last_epoch_are_read():
     got = header(text, "navigation")
     assert got.klobuchar == (1e-8, 2e-8, 0.0, -1e-7, 1e5, 2e5, 0.0, -1e5)
     last = line("  2020     6    25     0     0   30.5000000     GPS", "TIME OF LAST OBS")
-    start_us = 1_277_078_400_000_000  # 2020-06-25
-    assert header(head_3(extra=last)).last_us == start_us + 30_500_000
+    start_s = 1_277_078_400  # 2020-06-25
+    assert header(head_3(extra=last)).last_gps_s == start_s + 30.5
 
 
 GOOD = head_3()

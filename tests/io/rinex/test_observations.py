@@ -7,9 +7,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.header import read_header
-from fgnav.io.rinex.kernels import days
 from fgnav.io.rinex.observations import to_observations
-from fgnav.io.rinex.signals import choose_signals
 from fgnav.types.observations import HALF_CYCLE
 from tests.io.rinex_texts import SATELLITES, epoch_3, head_3, line, observation_2, observation_3
 
@@ -22,7 +20,7 @@ def read(text):
     """Return the observations of one antenna."""
     content = np.frombuffer(text.encode("latin-1"), np.uint8)
     header = read_header(PATH, content, "observations")
-    return to_observations(header, content, choose_signals([header])[0], START_GPS_S)
+    return to_observations(header, content, START_GPS_S, {})
 
 
 def lost(got):
@@ -50,17 +48,13 @@ def lines_with(number: int, new: str, text: str = GOOD) -> str:
     return "".join(lines)
 
 
-def test_days_agree_with_the_calendar():
-    dates = np.arange("1980-01-06", "2100-01-01", 37, dtype="M8[D]")
-    for date in dates.tolist():
-        assert days(date.year, date.month, date.day) == (date - dates[0].item()).days
-    assert days(2021, 2, 29) == days(2020, 13, 1) == days(1979, 12, 31) == -1
-
-
-def test_rinex_2_with_continued_satellites_and_records_is_counted():
-    got = read(observation_2(epochs=3, satellites=30))
-    assert values(got, "G", "code_m") == values(got, "G", "phase_cycles") == {"1C": 90, "2W": 90}
-    assert values(got, "G", "doppler_hz") == {"1C": 90, "2W": 0}
+def test_dates_agree_with_the_calendar():
+    dates = np.arange("1980-01-06", "2079-12-31", 37, dtype="M8[D]")
+    heads = [f"> {day} 00 00 00.0000000  0  0" for day in dates.astype(str)]
+    text = head_3() + "".join(f"{head.replace('-', ' ')}\n" for head in heads)
+    np.testing.assert_array_equal(
+        read(text).t_s + START_GPS_S, 86_400.0 * (dates - dates[0]).astype(float)
+    )
 
 
 def test_numbers_may_touch_and_lack_their_leading_zero():
@@ -240,9 +234,9 @@ ONE, OTHER = "25  0  0  1.0000000  0 14", "25  0  0  1.0000000  0 {}"
         (without_last_line(GOOD), [0, 1, 2], CUT.format(31)),
         (GOOD[:-5], [0, 1, 2], CUT.format(31)),
         (TWO.replace(ONE, OTHER.format(13)), [0, 2], COUNT.format(63)),
-        (TWO.replace(ONE, OTHER.format(15)), [0, 2], COUNT.format(36)),
+        (TWO.replace(ONE, OTHER.format(15)), [0, 2], COUNT.format(65)),
         (without_last_line(TWO), [0, 1], CUT.format(94)),
-        (TWO[: TWO.index(" 20  6 25  0  0  2") + 40], [0, 1], CUT.format(65)),
+        (TWO[: TWO.index(" 20  6 25  0  0  2") + 40], [0, 1], CUT.format(66)),
     ],
 )
 def test_epochs_that_are_not_whole_are_left_out_and_counted(text, epochs, loss):
@@ -318,14 +312,18 @@ def test_rinex_2_names_signals_by_constellation_and_code():
         ("E02", "1X"): place["C1"],
         ("E02", "7X"): place["C7"],
         ("E02", "5X"): place["C5"],
-        ("G03", "1W"): place["P1"],
-        ("G03", "2X"): place["C2"],
+        **{(one, "1W"): place["P1"] for one in ("G01", "G03")},
+        **{(one, "2X"): place["C2"] for one in ("G01", "G03")},
     }
-    phase = got.phase_cycles[0, 0, got.satellites.index("E02")]
-    assert phase == place["L1"]
+    phases = {
+        pair: got.phase_cycles[0, 0, m]
+        for m, pair in enumerate(zip(got.satellites, got.signals, strict=True))
+    }
+    assert phases["E02", "1X"] == phases["G01", "1C"] == phases["G03", "1W"] == place["L1"]
+    assert phases["G01", "2W"] == phases["G03", "2X"] == place["L2"]
+    assert np.isnan([phases["G01", "1W"], phases["G01", "2X"]]).all()
     assert {one.what: one.count for one in got.losses} == {
         "E 8X observation": 1,
         "G 7 observation": 2,
         "G 8 observation": 2,
-        "second code of a carrier": 2,
     }

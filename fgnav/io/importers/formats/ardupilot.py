@@ -19,9 +19,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples, vectors
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, samples, vectors
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 
 _US, _MS = 1e-6, 1e-3

@@ -15,8 +15,9 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import WEEK_S
-from fgnav.io.importers.recording import Recording, Samples, samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.user_files import read_lines
 
@@ -26,20 +27,17 @@ _LONG = 1.5  # of the usual interval: the unit's clock has a gap there
 
 def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read one file, told by its columns: 7 of increments or fixes, 11 of a reference."""
-    lines = [line.split() for line in read_lines(path) if line.strip() and line[0] not in "#%"]
-    width = len(lines[0]) if lines else 0
-    for k, line in enumerate(lines):
-        if len(line) != width:
-            raise BadInputError(f"{path}: row {k + 1}: must have {width} columns, got {len(line)}")
-    if width not in (7, 11) or len(lines) < 2:
+    lines = [line for line in read_lines(path) if line.strip() and line[0] not in "#%"]
+    try:
+        x = np.loadtxt(lines, ndmin=2, comments=None) if lines else np.zeros((0, 0))
+    except ValueError as error:
+        raise BadInputError(f"{path}: must hold rows of as many numbers, {error}") from None
+    width = x.shape[1]
+    if width not in (7, 11) or len(x) < 2:
         raise BadInputError(
             f"{path}: must have two rows or more, of 7 columns (increments, fixes) or 11 "
-            f"(reference), has {len(lines)} of {width}"
+            f"(reference), has {len(x)} of {width}"
         )
-    try:
-        x = np.array(lines, dtype=np.float64)
-    except ValueError as error:
-        raise BadInputError(f"{path}: must hold numbers, {error}") from None
     if width == 11:
         names = col.PLACE + col.VELOCITY + col.EULER
         tables = {"truth": samples(x[:, 1], (names, x[:, 2:]))}

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
-from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, WEEK_S, gps_of_utc
-from fgnav.io.importers.recording import Recording, unused_columns, vectors
+from fgnav.io.flight.columns import vectors
+from fgnav.io.gps_time import WEEK_S
+from fgnav.io.importers.formats.text_columns import read_dates
+from fgnav.io.importers.recording import Recording, unused_columns
 from fgnav.io.importers.settings import Settings
 from fgnav.io.user_files import read_lines
 
@@ -26,7 +28,7 @@ _SIGMA = ("sdn(m)", "sde(m)", "sdu(m)")
 _VELOCITY = ("vn(m/s)", "ve(m/s)", "vu(m/s)")
 _VELOCITY_SIGMA = ("sdvn", "sdve", "sdvu")
 _LEAST_SIGMA = 5e-5  # RTKLIB prints four decimals: a zero is less than half the last
-_AHEAD_S = {"GPST": 0.0, "UTC": 0.0, "JST": 9 * 3600.0}  # JST is that of UTC
+_ZONES = {"GPST": "", "UTC": "Z", "JST": "+09:00"}
 _Texts: TypeAlias = dict[str, NDArray[np.str_]]
 _SEPARATORS = str.maketrans(",;\t", "   ")
 
@@ -39,7 +41,7 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     lines = [line.translate(_SEPARATORS) for line in read_lines(path)]
     head = next((line for line in lines if line.startswith("%") and "Q" in line.split()), "")
     names = head.lstrip("% ").split()
-    if not names or names[0] not in _AHEAD_S:
+    if not names or names[0] not in _ZONES:
         raise BadInputError(
             f"{path}: must have RTKLIB's line of column names with times in GPST, UTC or JST; "
             "switch on out-outhead and set out-timesys"
@@ -86,17 +88,13 @@ def _taken(path: Path, columns: _Texts, names: tuple[str, ...]) -> FloatArray:
 
 def _gps_seconds(path: Path, rows: list[list[str]], system: str) -> FloatArray:
     """Return (k,) seconds since 1980-01-06."""
-    words = np.array([row[:2] for row in rows])
     try:
         if "/" not in rows[0][0]:
-            week = words.astype(np.float64)
-            return np.asarray(WEEK_S * week[:, 0] + week[:, 1])
-        texts = np.char.add(np.char.add(np.char.replace(words[:, 0], "/", "-"), "T"), words[:, 1])
-        dates = texts.astype("datetime64[us]")
+            return np.array([row[:2] for row in rows], np.float64) @ [WEEK_S, 1.0]
     except ValueError as error:
         raise BadInputError(f"{path}: times must be dates or week and seconds, {error}") from None
-    gps_s = (dates - GPS_EPOCH) / np.timedelta64(1, "s") - _AHEAD_S[system]
-    return np.asarray(gps_s) if system == "GPST" else gps_of_utc(gps_s + UNIX_OF_GPS_S)
+    gps_s, _ = read_dates(path, np.array([f"{row[0]} {row[1]}{_ZONES[system]}" for row in rows]))
+    return gps_s
 
 
 def _place(path: Path, columns: _Texts) -> FloatArray:

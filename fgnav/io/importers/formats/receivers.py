@@ -11,12 +11,13 @@ from tempfile import mkdtemp
 from typing import Any
 
 from fgnav.checks import BadInputError, Loss
+from fgnav.io.flight.columns import Samples
 from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.importers.formats import sentences
 from fgnav.io.importers.formats.readers import foreign
 from fgnav.io.importers.formats.solution import TAKEN, Solution, baseline, fixes
 from fgnav.io.importers.formats.streams import messages
-from fgnav.io.importers.recording import Recording, Samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
@@ -99,19 +100,19 @@ def _decoded(
     texts = []
     for one in messages(content):
         size += len(one.raw)
-        handlers = TAKEN.get((one.protocol, one.number), ())
-        if not handlers and one.name not in sentences.READ:
+        take = TAKEN.get((one.protocol, one.number))
+        if take is None and one.name not in sentences.READ:
             others[one.protocol, one.number, one.name] += 1
             continue
         try:
             with foreign(path, one.name):
                 decoded = one.decoded()
-                for take in handlers:
+                if take is not None:
                     take(decoded, solution)
         except BadInputError:  # one message, that its checksum has proved, is no reason to stop
             solution.counts[f"{one.name} message", "cannot be decoded"] += 1
         else:
-            texts += [] if handlers else [decoded]
+            texts += [decoded] if take is None else []
     if texts:
         _add_sentences(path, texts, settings, solution)
     return others, size

@@ -20,9 +20,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
 

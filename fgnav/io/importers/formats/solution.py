@@ -10,9 +10,9 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import WEEK_S, gps_of_utc
 from fgnav.io.importers.formats.streams import Log
-from fgnav.io.importers.recording import Samples, samples
 
 _MM, _CM, _MS = 1e-3, 1e-2, 1e-3
 _MOST = 1e9  # SBF writes -2e10 where it has no value
@@ -133,31 +133,21 @@ def _ubx_relative(one: Any, to: Solution) -> None:  # noqa: ANN401
     to.baseline[to.time_of_week(one.iTOW * _MS)] = vector + sigma
 
 
-def _sbf(one: Any, to: Solution, kind: str) -> None:  # noqa: ANN401
-    values = {
-        "place": ("Latitude", "Longitude", "Height"),
-        "velocity": ("Vn", "Ve", "Vu"),
-        "place_sigma": ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt"),
-        "velocity_sigma": ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"),
-        "heading": ("Heading", "Pitch"),
-        "heading_sigma": ("Cov_HeadHead", "Cov_PitchPitch"),
-    }[kind]
-    x = tuple(float(getattr(one, name)) for name in values)
-    if one.Error or max(map(abs, x)) > _MOST:
-        to.counts[f"{one.identity} block", f"has no {kind.replace('_', ' of a ')}"] += 1
-        return
-    to.date_s = WEEK_S * one.WNc + one.TOW * _MS
-    t = to.time_of_week(one.TOW * _MS)
-    if kind == "place":
-        to.place[t] = (*np.degrees(x[:2]).tolist(), x[2])
-    elif kind == "velocity":
-        to.velocity[t] = (x[0], x[1], -x[2])
-    elif kind == "heading":
-        to.heading[t] = (*x, *to.heading.get(t, (np.nan,) * 4)[2:])
-    elif kind == "heading_sigma":
-        to.heading[t] = (*to.heading.get(t, (np.nan,) * 4)[:2], *np.sqrt(x).tolist())
-    else:
-        getattr(to, kind)[t] = tuple(np.sqrt(x).tolist())
+def _sbf(one: Any, to: Solution) -> None:  # noqa: ANN401
+    """Take a block: what it has of place, velocity, heading, or of their sigmas."""
+    for kind, names in _SBF[one.identity].items():
+        x = np.array([float(getattr(one, name)) for name in names])
+        if one.Error or np.abs(x).max() > _MOST:
+            to.counts[f"{one.identity} block", f"has no {kind.replace('_', ' of a ')}"] += 1
+            continue
+        to.date_s = WEEK_S * one.WNc + one.TOW * _MS
+        t = to.time_of_week(one.TOW * _MS)
+        row = (np.sqrt(x) if kind.endswith("sigma") else x * _SBF_UNITS.get(kind, 1.0)).tolist()
+        if kind.startswith("heading"):
+            earlier = to.heading.get(t, (np.nan,) * 4)
+            to.heading[t] = (*row, *earlier[2:]) if kind == "heading" else (*earlier[:2], *row)
+        else:
+            getattr(to, kind)[t] = tuple(row)
 
 
 def _novatel(one: Log, to: Solution) -> None:
@@ -176,21 +166,24 @@ def _novatel(one: Log, to: Solution) -> None:
         to.heading[t] = (x[1], x[2], x[4], x[5])
 
 
+_SBF: dict[str, dict[str, tuple[str, ...]]] = {
+    "PVTGeodetic": {
+        "place": ("Latitude", "Longitude", "Height"),
+        "velocity": ("Vn", "Ve", "Vu"),
+    },
+    "PosCovGeodetic": {"place_sigma": ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt")},
+    "VelCovGeodetic": {"velocity_sigma": ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu")},
+    "AttEuler": {"heading": ("Heading", "Pitch")},
+    "AttCovEuler": {"heading_sigma": ("Cov_HeadHead", "Cov_PitchPitch")},
+}
+_SBF_UNITS = {
+    "place": np.array([*np.degrees([1.0, 1.0]), 1.0]),
+    "velocity": np.array([1.0, 1.0, -1.0]),
+}
 # By protocol and the message's number: what takes it.
-TAKEN: dict[tuple[str, int], tuple[Callable[[Any, Solution], None], ...]] = {
-    ("ubx", 0x0107): (_ubx_pvt,),
-    ("ubx", 0x013C): (_ubx_relative,),
-    ("sbf", 4007): (
-        lambda one, to: _sbf(one, to, "place"),
-        lambda one, to: _sbf(one, to, "velocity"),
-    ),
-    ("sbf", 5906): (lambda one, to: _sbf(one, to, "place_sigma"),),
-    ("sbf", 5908): (lambda one, to: _sbf(one, to, "velocity_sigma"),),
-    ("sbf", 5938): (lambda one, to: _sbf(one, to, "heading"),),
-    ("sbf", 5939): (lambda one, to: _sbf(one, to, "heading_sigma"),),
-    ("novatel", 42): (_novatel,),
-    ("novatel", 99): (_novatel,),
-    ("novatel", 971): (_novatel,),
-    ("novatel", 1335): (_novatel,),
-    ("novatel", 2042): (_novatel,),
+TAKEN: dict[tuple[str, int], Callable[[Any, Solution], None]] = {
+    ("ubx", 0x0107): _ubx_pvt,
+    ("ubx", 0x013C): _ubx_relative,
+    **dict.fromkeys([("sbf", number) for number in (4007, 5906, 5908, 5938, 5939)], _sbf),
+    **dict.fromkeys([("novatel", number) for number in (42, 99, 971, 1335, 2042)], _novatel),
 }

@@ -17,11 +17,11 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, quoted
 from fgnav.geometry.earth import Origin
-from fgnav.io.flight.columns import BASELINE, PLACE
+from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording, Samples, unused_columns, vectors
+from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
 from fgnav.io.user_files import encoding_of, max_bytes, plain_name
@@ -122,7 +122,7 @@ def _read_table(path: Path, table: CsvTable, settings: Settings) -> tuple[Record
     samples = dict[str, FloatArray]()
     for name, cells in columns.items():
         if dates and name == "t_s":
-            samples[name], zoned = _dates(path, cells, utc=utc)
+            samples[name], zoned = read_dates(path, cells, utc=utc)
             if zoned and table.clock == "gps":
                 raise BadInputError(
                     f"{path}: key csv.clock: must be 'utc' where dates have a time zone, got 'gps' "
@@ -251,7 +251,7 @@ def time_zone(cell: str) -> str:
     return zone[0].strip() if zone else ""
 
 
-def _dates(path: Path, cells: np.ndarray, *, utc: bool) -> tuple[FloatArray, bool]:
+def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[FloatArray, bool]:
     """Return seconds since 1980-01-06 of dates, and whether they have a time zone.
 
     Dates with a time zone are converted to UTC; others are GPS time unless ``utc``.

@@ -18,9 +18,10 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import columns as col
+from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording, Samples, samples
+from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 
 _US = 1e-6
