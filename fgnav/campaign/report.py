@@ -1,6 +1,7 @@
 """What a campaign amounts to, as text: each figure with its interval, each method against one."""
 
 from array import array
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -8,12 +9,14 @@ import numpy as np
 
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
-from fgnav.campaign.page import Sweep, campaign_report
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.paired import Interval, paired, pooled
-from fgnav.evaluation.report.blocks import Report
-from fgnav.evaluation.report.html.page import save_page
+from fgnav.evaluation.report.charts import Chart, Line
+from fgnav.evaluation.report.parts import Blocks, Report, grid, paragraph, report, significant
+from fgnav.evaluation.report.parts import table as tabulated
+from fgnav.evaluation.report.save import write
+from fgnav.evaluation.report.text import text_lines
 from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import write_text
 
@@ -30,6 +33,7 @@ _SUMMARY = (
     ("energy deg", "attitude_energy_score_deg", False),
     ("wrong integers", "integers_wrong", False),
 )
+_WIDTH = 400  # letters of a table
 _RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
 
 
@@ -87,59 +91,40 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     A summary of each case, then tables of what was swept, as papers print them.
     """
     table = Table(order, records)
-    head = list(_head(order, len(table)))
-    summaries = {
-        case.title: (_summary_heads(order), list(_summary(order, table, number)))
-        for number, case in enumerate(order.case)
-    }
-    sweeps = [_sweep(order, table, cases) for cases in _swept_alike(order)]
-    lines = [*head]
-    for name, (heads, rows) in summaries.items():
-        lines += ["", name, *_aligned([heads, *rows])]
-    for sweep in sweeps:
-        lines.append("")
-        for name, (heads, rows) in sweep.tables.items():
-            lines += [name, *_aligned([heads, *rows])]
-    text = "\n".join(lines) + "\n"
+    groups = _swept_alike(order)
+    head = paragraph(_head(order, len(table)))
+    parts = [("summary", "Summary", head + _summaries(order, table))]
+    for number, cases in enumerate(groups):
+        swept, tables, charts = _sweep(order, table, cases)
+        parts.append((f"sweep-{number}", f"By {swept}", grid(charts) + tables))
+    whole = report(f"Campaign {order.name}", order.titles, parts)
+    lines = [line for part in whole.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
+    text = "\n".join([*lines[1:], ""])
     write_text(out / REPORT, text)
-    report = campaign_report(order, head, summaries, sweeps)
-    save_page(report, out / PAGE)
-    return text, report
+    write(whole, out / PAGE)
+    return text, whole
 
 
-def _aligned(rows: list[list[str]]) -> Iterator[str]:
-    """Yield lines of cells below each other: names to the left, figures to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    texts = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if not _is_figure(column)]
-    for row in rows:
-        cells = (
-            f"{cell:<{width}}" if k in texts else f"{cell:>{width}}"
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield f"  {'  '.join(cells)}".rstrip()
+def _summaries(order: Order, table: Table) -> Blocks:
+    """Return a table of each case."""
+    heads = ["method", "answered", *(head for head, _, _ in _SUMMARY)]
+    heads += [f"ratio to {order.reference}", "of one only"]
+    return [
+        block
+        for number, case in enumerate(order.case)
+        for block in tabulated(heads, _summary(order, table, number), case.title)
+    ]
 
 
-def _is_figure(column: tuple[str, ...]) -> bool:
-    return all(cell[:1] in "0123456789-–" for cell in column if cell) and any(column)
-
-
-def _head(order: Order, count: int) -> Iterator[str]:
+def _head(order: Order, count: int) -> str:
     ordered = order.flights * sum(case.columns for case in order.case)
-    yield f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}."
-    yield (
-        "Figures over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
-        f"{order.reference!r}"
+    return (
+        f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}. Figures "
+        "over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
+        f"{order.reference!r} on the epochs that all methods answer; * where interval and "
+        "signed-rank test exclude 1. Values of a sweep share their random numbers: the flight, "
+        "over all of them, is the unit."
     )
-    yield (
-        "on the epochs that all methods answer; * where interval and signed-rank test exclude 1. "
-        "Values of a"
-    )
-    yield "sweep share their random numbers: the flight, over all of them, is the unit."
-
-
-def _summary_heads(order: Order) -> list[str]:
-    ratio = f"ratio to {order.reference}"
-    return ["method", "answered", *(head for head, _, _ in _SUMMARY), ratio, "of one only"]
 
 
 def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
@@ -175,8 +160,8 @@ def _swept_alike(order: Order) -> list[list[int]]:
     return list(groups.values())
 
 
-def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
-    """Return a table for each angle, swept values from left to right, as papers print them.
+def _sweep(order: Order, table: Table, cases: list[int]) -> tuple[str, Blocks, list[Chart]]:
+    """Return what was swept; a table for each angle, values from left to right; their charts.
 
     A row for each method and case, then their average; last what methods amount to over all
     angles, values and cases.
@@ -185,30 +170,30 @@ def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
     values = () if sweep is None else sweep.values
     swept = ", ".join(filter(None, (sweep.name if sweep else "", order.case[cases[0]].condition)))
     names = [order.case[number].name for number in cases]
-    labels = [*names, "average"] if len(cases) > 1 else names
     heads = ["method", "case", *(f"{value:g}" for value in values), "mean"]
-    tables, curves = {}, {}
+    tables: Blocks = []
+    charts = []
     for angle in EULER:
-        rows = []
+        rows: list[list[str]] = []
+        lines: defaultdict[str, list[Line]] = defaultdict(list)
         for title in order.titles:
             by_case = [
                 _root_mean(table.figure(f"{angle}_rmse_deg", title, number).T) for number in cases
             ]
-            lines = [*by_case, np.mean(by_case, axis=0)][: len(labels)]
-            for label, by_column in zip(labels, lines, strict=True):
-                cells = [_number(v) for v in (*by_column, float(by_column.mean()))]
+            average = [("average", np.mean(by_case, axis=0))] if len(cases) > 1 else []
+            for label, errors in [*zip(names, by_case, strict=True), *average]:
+                cells = [significant(v) for v in (*errors, float(errors.mean()))]
                 rows.append([title, label, *cells])
-                curves[angle, label, title] = by_column
-        tables[f"{angle}, RMSE in degrees by {swept}"] = (heads, rows)
-    if overall := list(_overall(order, table, cases)):
-        name = "mean RMSE over angles, values and cases, deg; its ratio"
-        tables[name] = (["method", "mean, deg", "ratio"], overall)
-    return Sweep(
-        name=swept,
-        values=np.array(values),
-        tables=tables,
-        curves=curves,
-    )
+                line = Line(of=title, x=np.array(values), y=errors)
+                lines[f"{angle}, {label}"].append(line)
+        tables += tabulated(heads, rows, f"{angle}, RMSE in degrees by {swept}")
+        charts += [
+            Chart(title=title, x=swept, y="RMSE, deg", lines=of, log="y")
+            for title, of in lines.items()
+        ]
+    caption = "mean RMSE over angles, values and cases, deg; its ratio"
+    tables += tabulated(["method", "mean, deg", "ratio"], _overall(order, table, cases), caption)
+    return swept, tables, charts
 
 
 def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]]:
@@ -244,12 +229,6 @@ def _root_mean(values: FloatArray) -> FloatArray:
 
 
 def _cell(of: Interval) -> str:
-    if not np.isfinite(of.value):
-        return "–"
-    if not np.isfinite([of.low, of.high]).all():
-        return _number(of.value)
-    return f"{_number(of.value)} [{_number(of.low)}, {_number(of.high)}]"
-
-
-def _number(value: float) -> str:
-    return "–" if not np.isfinite(value) else f"{value:.3g}"
+    if not np.isfinite([of.value, of.low, of.high]).all():
+        return significant(of.value)
+    return f"{significant(of.value)} [{significant(of.low)}, {significant(of.high)}]"

@@ -1,21 +1,27 @@
 """A report as a file: a page of HTML, a PDF or pictures, by the suffix of the file's name."""
 
-from importlib.util import find_spec
+import json
+from glob import escape
+from importlib.resources import files
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.flights import FlightsComparison
-from fgnav.evaluation.report.blocks import Report
+from fgnav.evaluation.report.charts import Chart, styles_of
 from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.flights import flights_report
-from fgnav.evaluation.report.html.page import save_page
-from fgnav.io.atomic_write import check_place
+from fgnav.evaluation.report.parts import Report
+from fgnav.io.atomic_write import atomic_file, check_place, write_text
 from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
-_PAGE, _PDF, _PICTURES = ".html", ".pdf", ".png"
 _DRAWN = "dispersions.json"  # of the simulator: says the seed
+_SHEET, _PICTURE = 595.3, 6000.0  # heights, points; pictures end below what they show
+_DOTS = 200  # of an inch of a PNG
+_OURS, _HEAD = "a report of fgnav", 400  # said within the first bytes of each picture
 
 
 def check_report(path: Path | None) -> None:
@@ -24,18 +30,15 @@ def check_report(path: Path | None) -> None:
     Raises
     ------
     BadInputError
-        If its suffix is of no format, its folder is absent, or what draws is not installed.
+        If its suffix is of no format, or its folder is absent.
     """
     if path is None:
         return
-    suffix = path.suffix.lower()
-    if suffix not in (_PAGE, _PDF, _PICTURES):
+    if path.suffix.lower() not in (".html", ".pdf", ".png"):
         raise BadInputError(
             f"{path}: a report is HTML, PNG or PDF; end its name in .html, .png or .pdf"
         )
     check_place(path)
-    if suffix != _PAGE and find_spec("matplotlib") is None:
-        raise BadInputError(f"{path}: a figure needs matplotlib; pip install 'fgnav[report]'")
 
 
 def save_report(
@@ -71,7 +74,6 @@ def save_report(
 
 def save_flights_report(comparison: FlightsComparison, path: Path | None) -> list[Path]:
     """Write the report of several flights, as ``save_report``."""
-    check_report(path)
     return [] if path is None else write(flights_report(comparison), path)
 
 
@@ -83,16 +85,73 @@ def write(report: Report, path: Path) -> list[Path]:
     BadInputError
         As ``check_report``.
     """
-    check_report(path)
-    if path.suffix.lower() == _PAGE:
-        save_page(report, path)
-        return [path]
-    from fgnav.evaluation.report.paper.save import save_pdf, save_pngs  # noqa: PLC0415  # matplotlib
+    from matplotlib import rc_context  # noqa: PLC0415  # lazy: half a second
 
-    if path.suffix.lower() == _PICTURES:
-        return save_pngs(report, path)
-    save_pdf(report, path)
+    from fgnav.evaluation.report.render import STYLE  # noqa: PLC0415
+
+    check_report(path)
+    with rc_context(STYLE):
+        match path.suffix.lower():
+            case ".html":
+                write_text(path, page(report))
+            case ".pdf":
+                _save_pdf(report, path)
+            case _:
+                return _save_pngs(report, path)
     return [path]
+
+
+def page(report: Report) -> str:
+    """Return a report as one page that loads nothing; each method has a box that hides it."""
+    from jinja2 import Environment, StrictUndefined  # noqa: PLC0415  # lazy
+    from markupsafe import Markup  # noqa: PLC0415
+
+    from fgnav.evaluation.report.render import DARK, page_colour, svg  # noqa: PLC0415
+
+    styles, salts = styles_of(report.methods), count()
+    source = files("fgnav.evaluation.report") / "page.html.j2"
+    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
+        source.read_text(encoding="utf-8")
+    )
+
+    def drawn(chart: Chart) -> Markup:
+        return Markup(svg(chart, styles, f"f{next(salts)}"))  # escaped in there
+
+    return template.render(report=report, styles=styles, dark=DARK, svg=drawn, colour=page_colour)
+
+
+def _save_pdf(report: Report, path: Path) -> None:
+    """Write all sheets into one file; the same report gives the same bytes."""
+    from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415  # lazy
+
+    from fgnav.evaluation.report.render import sheets  # noqa: PLC0415
+
+    metadata: dict[str, Any] = {"Title": report.title, "CreationDate": None, "Creator": "fgnav"}
+    with atomic_file(path) as unfinished, PdfPages(unfinished, metadata=metadata) as pdf:
+        for part in report.parts:
+            for sheet in sheets(report, part, _SHEET, cut=False):
+                pdf.savefig(sheet)
+
+
+def _save_pngs(report: Report, path: Path) -> list[Path]:
+    """Write a picture of each part; return their paths.
+
+    The first part is the file that was asked for, others have their name added to it. Pictures of
+    an earlier report of that name are removed, so that all that lie there are of one report.
+    """
+    from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
+
+    written = []
+    for place, part in enumerate(report.parts):
+        for number, sheet in enumerate(sheets(report, part, _PICTURE, cut=True), 1):
+            name = (f"-{part.name}" if place else "") + (f"-{number}" if number > 1 else "")
+            written.append(path.with_name(f"{path.stem}{name}{path.suffix}"))
+            with atomic_file(written[-1]) as unfinished:
+                sheet.savefig(unfinished, format="png", dpi=_DOTS, metadata={"Software": _OURS})
+    for earlier in set(path.parent.glob(f"{escape(path.stem)}-*{path.suffix}")) - set(written):
+        if _OURS.encode() in earlier.read_bytes()[:_HEAD]:
+            earlier.unlink()
+    return written
 
 
 def _text(path: Path) -> str:
@@ -104,8 +163,6 @@ def _text(path: Path) -> str:
 
 def _seed(drawn: Path) -> int | None:
     """Return the seed that the simulator wrote beside a flight, if it did."""
-    import json  # noqa: PLC0415  # only here
-
     try:
         seed = json.loads(_text(drawn)).get("seed")
     except (ValueError, AttributeError):

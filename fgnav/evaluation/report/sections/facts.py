@@ -9,53 +9,13 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
-from fgnav.evaluation.report.table import WHAT, remarks, score_table
-from fgnav.evaluation.scores import EULER, Angles
+from fgnav.evaluation.comparison import Method
+from fgnav.evaluation.report.parts import NONE, Blocks, folded, paragraph, table
 from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
-_ONE_FLIGHT = (
-    "Errors of neighbouring epochs are alike, so one flight cannot tell a better method from a "
-    "lucky one: name several flights, or a folder of them, for differences with their intervals."
-)
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
-
-
-def method_table(comparison: Comparison) -> Blocks:
-    """Return the table of the methods and their differences, and below it the bounds."""
-    heads, rows = score_table(comparison)
-    apart = "; below, RMS differences of methods" if comparison.differences else ""
-    columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
-    bounds = [
-        (f"Cramér-Rao bound of {what}", _angles(own))
-        for what, own in (
-            ("one epoch of phase", comparison.bound),
-            ("the whole flight, its motion drawn from the prior", comparison.posterior_bound),
-        )
-    ]
-    return (
-        table(columns, rows, f"{WHAT[comparison.judged_by]}{apart}, {comparison.epochs} epochs")
-        + [
-            block
-            for what, own in bounds
-            if own
-            for block in paragraph(f"{what}: {', '.join(own)}.")
-        ]
-        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
-        + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
-    )
-
-
-def _angles(bound: Angles) -> list[str]:
-    """Return what is bounded, in words."""
-    return [
-        f"{angle} {number(value)} deg"
-        for angle in EULER
-        if (value := getattr(bound, angle)) is not None
-    ]
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:

@@ -1,13 +1,13 @@
 """A filter against smoothers of the same flight, and how far what came later moved it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.internal_consistency.filter_smoother import Separation, separations
-from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested
+from fgnav.evaluation.report.charts import Chart, Line, Span
+from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
 
 _FILTER, _SMOOTHERS = "forward", ("smoother", "batch")
 _SIGMAS = 3.0
@@ -19,35 +19,33 @@ _UNITS = {
 }
 
 
-def separation_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
-    """Return diagrams and a table of a filter less smoothers; a sentence where one is missing."""
-    of = [
-        (method, apart)
-        for method in methods
-        for apart in _apart(methods, method)
-        if np.isfinite(apart.ratio).any()
-    ]
-    if not of:
+def separation_blocks(methods: Sequence[Method], time: Span) -> Blocks:
+    """Return figures and a table of a filter less smoothers; a sentence where one is missing."""
+    pairs = list(_pairs(methods))
+    if not pairs:
         return paragraph(
             "Not compared: this needs the methods forward and smoother (or batch), both with their "
             "covariances. Add them to --method."
         )
     rows, charts = [], []
     for quantity, (unit, scale, axes) in _UNITS.items():
-        pairs = [(method, apart) for method, apart in of if apart.quantity == quantity]
-        for k, axis in enumerate(axes):
+        of = [(name, apart) for name, apart in pairs if apart.quantity == quantity]
+        for k, axis in enumerate(axes if of else ()):
             lines = [
-                Line(
-                    mark=marks[method.name],
-                    name=f"forward less {method.name}",
-                    x=apart.t_s,
-                    y=apart.ratio[:, k],
-                    width=width,
-                )
-                for (method, apart), width in zip(pairs, nested(len(pairs)).tolist(), strict=True)
+                Line(of=name, name=f"forward less {name}", x=apart.t_s, y=apart.ratio[:, k])
+                for name, apart in of
             ]
-            charts += [_chart(f"{quantity} {axis}", lines, time).drawing()] if lines else []
-            rows += [_row(method, apart, k, (unit, scale, axis)) for method, apart in pairs]
+            charts.append(
+                Chart(
+                    title=f"{quantity} {axis}: forward less smoothed, over its σ",
+                    y="difference / σ",
+                    lines=lines,
+                    x_limits=time,
+                    y_limits=(-_SHOWN, _SHOWN),
+                    rules={_SIGMAS: "3σ", -_SIGMAS: "-3σ"},
+                )
+            )
+            rows += [[n, quantity, axis, *_cells(apart, k, unit, scale)] for n, apart in of]
     heads = ["forward less", "state", "axis", "RMS", "RMS / σ", "within 3σ", "no σ"]
     caption = "99.7 % are expected within 3σ; no σ: epochs of which the smoother states more"
     return (
@@ -62,38 +60,22 @@ def separation_parts(methods: Sequence[Method], marks: dict[str, str], time: Axi
     )
 
 
-def _apart(methods: Sequence[Method], smoother: Method) -> list[Separation]:
-    """Return the separations of a smoother from the filter of the same measurements."""
-    base, _, without = smoother.name.partition(" ")
-    name = " ".join([_FILTER, without]).strip()
-    forward = next((m.estimate for m in methods if m.name == name), None)
-    if base not in _SMOOTHERS or forward is None or smoother.estimate is None:
-        return []
-    return separations(forward, smoother.estimate)
+def _pairs(methods: Sequence[Method]) -> Iterator[tuple[str, Separation]]:
+    """Yield the separations of each smoother from the filter of the same measurements."""
+    for smoother in methods:
+        base, _, without = smoother.name.partition(" ")
+        name = " ".join([_FILTER, without]).strip()
+        forward = next((m.estimate for m in methods if m.name == name), None)
+        if base in _SMOOTHERS and forward is not None and smoother.estimate is not None:
+            for apart in separations(forward, smoother.estimate):
+                if np.isfinite(apart.ratio).any():
+                    yield smoother.name, apart
 
 
-def _chart(title: str, lines: list[Line], time: Axis) -> Chart:
-    return Chart(
-        title=f"{title}: forward less smoothed, over its σ",
-        x=time,
-        y=Axis(name="sigma", low=-_SHOWN, high=_SHOWN),
-        lines=lines,
-        rules={_SIGMAS: "3σ", -_SIGMAS: "-3σ"},
-    )
-
-
-def _row(method: Method, apart: Separation, k: int, of: tuple[str, float, str]) -> list[str]:
-    unit, scale, axis = of
+def _cells(apart: Separation, k: int, unit: str, scale: float) -> list[str]:
     ratio = apart.ratio[:, k]
     finite = ratio[np.isfinite(ratio)]
-    difference = scale * apart.difference[:, k]
+    rms = scale * float(np.sqrt(np.nanmean(apart.difference[:, k] ** 2)))
     inside = f"{100 * float((np.abs(finite) < _SIGMAS).mean()):.1f} %" if len(finite) else "–"
-    return [
-        method.name,
-        apart.quantity,
-        axis,
-        f"{number(float(np.sqrt(np.nanmean(difference**2))))} {unit}",
-        number(float(np.sqrt((finite**2).mean())) if len(finite) else None),
-        inside,
-        str(len(ratio) - len(finite)),
-    ]
+    normalised = number(float(np.sqrt((finite**2).mean())) if len(finite) else None)
+    return [f"{number(rms)} {unit}", normalised, inside, str(len(ratio) - len(finite))]

@@ -1,15 +1,16 @@
-"""What a report holds: parts of paragraphs, tables and drawings, whoever writes them down.
+"""What a report holds: parts of paragraphs, tables and figures, whatever file they are written to.
 
-A function that makes blocks returns a list of them, empty where there is nothing to say.
+A function that returns ``Blocks`` returns none where there is nothing to say.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
-from fgnav.evaluation.report.drawing.shapes import Drawing
+from fgnav.evaluation.report.charts import Chart
 
 NONE = "–"
-_FIGURES = "0123456789-−–+"  # a number begins with
+_NUMERIC = "0123456789-−–+"  # a number begins with
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +18,7 @@ class Paragraph:
     """A paragraph of plain text."""
 
     text: str
+    kind: ClassVar = "paragraph"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,7 @@ class Source:
     """A text whose lines stand as they are."""
 
     text: str
+    kind: ClassVar = "source"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,21 +36,19 @@ class Table:
     heads: Sequence[str]
     rows: Sequence[Sequence[str]]
     caption: str
+    kind: ClassVar = "table"
 
-    def figures(self) -> list[bool]:
+    def numeric(self) -> list[bool]:
         """Return of each column whether it holds numbers, which stand to the right."""
-        columns = [[cell for cell in column if cell] for column in zip(*self.rows, strict=True)]
-        return [
-            place > 0 and bool(column) and all(cell[0] in _FIGURES for cell in column)
-            for place, column in enumerate(columns)
-        ]
+        return [k > 0 and is_numeric(c) for k, c in enumerate(zip(*self.rows, strict=True))]
 
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Drawings side by side, as many as there is room for."""
+    """Figures side by side, as many as there is room for."""
 
-    drawings: Sequence[Drawing]
+    charts: Sequence[Chart]
+    kind: ClassVar = "grid"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,13 +57,14 @@ class Folded:
 
     title: str
     blocks: "Sequence[Block]"
+    kind: ClassVar = "folded"
 
 
 Block = Paragraph | Source | Table | Grid | Folded
 Blocks = list[Block]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Part:
     """A part of a report: a name for links and files, a heading, and what stands below it."""
 
@@ -71,13 +73,18 @@ class Part:
     blocks: Blocks
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Report:
-    """A report."""
+    """A report: what methods are compared, and its parts, none of them empty."""
 
     title: str
-    methods: Sequence[str]  # each has a colour, by its place
-    parts: Sequence[Part]  # none of them empty
+    methods: Sequence[str]
+    parts: Sequence[Part]
+
+
+def report(title: str, methods: Sequence[str], parts: Iterable[tuple[str, str, Blocks]]) -> Report:
+    """Return a report of those parts that hold anything."""
+    return Report(title, methods, [Part(*part) for part in parts if part[-1]])
 
 
 def paragraph(*texts: str) -> Blocks:
@@ -91,9 +98,9 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = ""
     return [Table(heads, filled, caption)] if filled else []
 
 
-def grid(drawings: Iterable[Drawing]) -> Blocks:
-    """Return drawings side by side; nothing where there is none."""
-    filled = list(drawings)
+def grid(charts: Iterable[Chart]) -> Blocks:
+    """Return figures side by side; nothing where there is none."""
+    filled = list(charts)
     return [Grid(filled)] if filled else []
 
 
@@ -103,7 +110,17 @@ def folded(title: str, blocks: Blocks) -> Blocks:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Return a figure with fixed decimals, or in four digits where these show little."""
+    """Return a number with fixed decimals, or in four digits where these show little."""
     if value is None or value != value:  # NaN
         return NONE
     return f"{value:.{digits}f}" if 0.01 <= abs(value) < 1000 or value == 0 else f"{value:.4g}"
+
+
+def significant(value: float | None) -> str:
+    """Return three significant digits."""
+    return NONE if value is None or value != value else f"{value:.3g}"  # NaN
+
+
+def is_numeric(column: Sequence[str]) -> bool:
+    """Return whether all cells of a column that are not empty are numbers."""
+    return any(column) and all(cell[0] in _NUMERIC for cell in column if cell)

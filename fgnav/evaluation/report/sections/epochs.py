@@ -1,0 +1,183 @@
+"""Epoch by epoch: of what quality answers are, and what became of the integers."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.reference import common_epochs
+from fgnav.evaluation.report.charts import (
+    FAIR,
+    GOOD,
+    POOR,
+    WRONG,
+    Chart,
+    Line,
+    Span,
+    cells_chart,
+    first_epochs,
+)
+from fgnav.evaluation.report.parts import NONE, Blocks, grid, table
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers
+
+# From the worst: a cell of several epochs shows the first that occurs.
+_QUALITY = {"no answer": WRONG, "no GNSS": POOR, "no integers": FAIR, "integers fixed": GOOD}
+_OUTCOMES = {"wrong": WRONG, "float": POOR, "refused": FAIR, "fixed": GOOD}
+_WORST = ": the worst of what a cell holds"
+_CELLS = 300
+_MOST_REASONS = 40
+_MOST_ARCS = 20
+_NEAR = 0.75  # usual intervals: epochs that follow each other have none further away than a half
+
+
+def quality_strips(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
+    """Return a row for each method: integers, none, no GNSS at all, or no answer."""
+    edges_s = np.linspace(*time, _CELLS + 1)
+    measured_s, rows = _measured_s(flight), {}
+    for method in methods:
+        estimate = method.estimate
+        if estimate is not None and len(estimate.t_s):
+            flags = _with_gaps(estimate.t_s, _flags(flight, estimate, measured_s))
+            rows[method.name] = _in_cells(*flags, edges_s)
+    return grid(
+        [cells_chart(f"quality of answers{_WORST}", rows, edges_s, _QUALITY, time)] if rows else []
+    )
+
+
+def _measured_s(flight: Flight) -> FloatArray:
+    """Return when satellites were received, or a receiver gave a fix."""
+    times = [np.zeros(0), *(one.t_s for one in flight.fixes)]
+    if flight.observations is not None:
+        of = flight.observations
+        times.append(of.t_s[np.isfinite(of.code_m).any(axis=(1, 2))])
+    return np.unique(np.concatenate(times))
+
+
+def _flags(flight: Flight, estimate: Estimate, measured_s: FloatArray) -> IntArray:
+    """Return the flag of each answer, (n,)."""
+    flags: IntArray = np.where(_near(estimate.t_s, measured_s), 2, 1)
+    integers, observations = estimate.integers, flight.observations
+    if integers is not None and observations is not None:
+        answers, rows = common_epochs(estimate.t_s, observations.t_s)
+        if len(integers.fixed) == len(observations.t_s):
+            flags[answers[integers.fixed[rows].any(axis=(1, 2))]] = 3
+    return flags
+
+
+def _with_gaps(t_s: FloatArray, flags: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return epochs with one more in the middle of each gap, without an answer."""
+    steps_s = np.diff(t_s)
+    at = np.flatnonzero(steps_s > 2 * _NEAR * np.median(steps_s)) if len(steps_s) else steps_s[:0]
+    after = at.astype(np.int64) + 1
+    middle_s = (t_s[after - 1] + t_s[after]) / 2
+    return np.insert(t_s, after, middle_s), np.insert(flags, after, 0)
+
+
+def _in_cells(t_s: FloatArray, flags: IntArray, edges_s: FloatArray) -> IntArray:
+    """Return the worst flag in each cell; of a cell between two answers the nearest one's."""
+    middle_s = (edges_s[:-1] + edges_s[1:]) / 2
+    after = np.searchsorted(t_s, middle_s).clip(1, max(len(t_s) - 1, 1))
+    last = after.clip(0, len(t_s) - 1)
+    nearest = np.where(middle_s - t_s[after - 1] < t_s[last] - middle_s, after - 1, last)
+    kinds: IntArray = np.where(_near(middle_s, t_s), flags[nearest], 0)
+    cell = (np.searchsorted(edges_s, t_s, side="right") - 1).clip(0, len(middle_s) - 1)
+    kinds[np.bincount(cell, minlength=len(middle_s)) > 0] = len(_QUALITY) - 1
+    np.minimum.at(kinds, cell, flags)
+    return kinds
+
+
+def _near(t_s: FloatArray, of_s: FloatArray) -> BoolArray:
+    """Return whether times are as near to one of some epochs as these are to each other."""
+    if len(of_s) < 2:
+        return np.asarray(np.isin(t_s, of_s))
+    usual_s = float(np.median(np.diff(of_s)))
+    after = np.searchsorted(of_s, t_s).clip(1, len(of_s) - 1)
+    away_s = np.minimum(np.abs(t_s - of_s[after - 1]), np.abs(t_s - of_s[after]))
+    return np.asarray(away_s <= _NEAR * usual_s)
+
+
+def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
+    """Return strips, a chart and tables of what became of integers; empty where none were used."""
+    of = dict(_integers(flight, comparison.solved))
+    if flight.observations is None or not of:
+        return []
+    t_s = flight.observations.t_s
+    starts = first_epochs(len(t_s), _CELLS)
+    rows = {
+        name: np.minimum.reduceat(_outcomes(integers, comparison.right_integers), starts)
+        for name, integers in of.items()
+    }
+    edges_s = np.append(t_s[starts], t_s[-1])
+    lines = [Line(of=n, x=t_s, y=one.fixed.sum(axis=(1, 2)).astype(float)) for n, one in of.items()]
+    most = max(1.0, *(float(line.y.max()) for line in lines))
+    links = Chart(
+        title="links with fixed integers",
+        y="links",
+        lines=lines,
+        x_limits=time,
+        y_limits=(-0.04 * most, 1.04 * most),
+    )
+    strips = cells_chart(f"epochs by their integers{_WORST}", rows, edges_s, _OUTCOMES, time)
+    return (
+        grid([strips, links]) + _counts(comparison.solved) + _arcs(comparison.solved) + _reasons(of)
+    )
+
+
+def _integers(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, Integers]]:
+    """Yield each method's integers, those at the epochs of the observations."""
+    epochs = -1 if flight.observations is None else len(flight.observations.t_s)
+    for method in methods:
+        integers = None if method.estimate is None else method.estimate.integers
+        if integers is not None and len(integers.cycles) == epochs:
+            yield method.name, integers
+
+
+def _outcomes(integers: Integers, right: Integers | None) -> IntArray:
+    """Return the place in ``_OUTCOMES`` of each epoch; wrong ones are known by the truth alone."""
+    outcome: IntArray = np.array([list(_OUTCOMES).index(state) for state in integers.outcome])
+    if right is not None and right.fixed.shape == integers.fixed.shape:
+        judged = integers.fixed & right.fixed
+        outcome[(judged & (integers.cycles != right.cycles)).any(axis=(1, 2))] = 0
+    return outcome
+
+
+def _counts(methods: Sequence[Method]) -> Blocks:
+    """Return a table of links: right, wrong, open."""
+    rows = []
+    for method in methods:
+        counts = method.score.integers
+        if counts is not None:
+            right, wrong = (NONE if n is None else str(n) for n in (counts.right, counts.wrong))
+            rows.append([method.name, str(counts.fixed), right, wrong, str(counts.not_fixed)])
+    return table(["method", "fixed", "right", "wrong", "not fixed"], rows, "links, over all epochs")
+
+
+def _arcs(methods: Sequence[Method]) -> Blocks:
+    """Return the integers of arcs that are least sure, with their chance of being wrong."""
+    stated = [
+        (one.wrong_probability, method.name, one)
+        for method in methods
+        for one in method.arcs
+        if one.wrong_probability is not None
+    ]
+    stated.sort(key=lambda row: -row[0])
+    rows = [
+        [name, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", f"{wrong:.2g}", one.by]
+        for wrong, name, one in stated[:_MOST_ARCS]
+    ]
+    mean = sum(wrong for wrong, _, _ in stated) / max(len(stated), 1)
+    title = f"arcs by the chance that their integer is wrong, of {len(stated)}; mean {mean:.2g}"
+    return table(["method", "link", "from, s", "until, s", "chance", "by"], rows, title)
+
+
+def _reasons(of: dict[str, Integers]) -> Blocks:
+    """Return why epochs are not fixed, most frequent first."""
+    counted = Counter(
+        (name, reason) for name, one in of.items() for reason in one.reasons or () if reason
+    )
+    rows = [[name, reason, str(n)] for (name, reason), n in counted.most_common(_MOST_REASONS)]
+    return table(["method", "why an epoch is not fixed, or lacks links", "epochs"], rows)

@@ -1,0 +1,174 @@
+"""The sky over the flight, how strong satellites were received, and what methods leave of them."""
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from fgnav.checks import BoolArray, IntArray, NoSolutionError
+from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.internal_consistency.residuals import (
+    Residuals,
+    array_phase_residuals,
+    code_residuals,
+    phase_residuals,
+)
+from fgnav.evaluation.report.charts import (
+    CN0_COLOURS,
+    INK_LINE,
+    TRUTH,
+    WIDTH,
+    Chart,
+    Line,
+    Span,
+    cells_chart,
+    channel_charts,
+    first_epochs,
+)
+from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
+from fgnav.evaluation.scores import EULER, finite_mean, hidden
+from fgnav.gnss.undifferenced import undifferenced
+from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
+
+_POINTS = 60  # of a satellite's way
+_CELLS = 240  # of a row of carrier-to-noise densities
+_LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
+_MOST = 56  # rows of a figure
+
+
+def sky_charts(flight: Flight, time: Span) -> Blocks:
+    """Return the sky plot and the carrier-to-noise densities; empty without GNSS."""
+    observations = flight.observations
+    if observations is None or not len(observations.t_s) or not observations.satellites:
+        return []
+    return grid([_sky(flight, observations), *_strengths(observations, time)])
+
+
+def _sky(flight: Flight, observations: Observations) -> Chart:
+    """Return azimuth and elevation of each satellite that was received, seen from the origin."""
+    from fgnav.gnss.orbits.satellites import look_angles, satellite_states  # noqa: PLC0415
+    from fgnav.gnss.single_point.model import orbits_of  # noqa: PLC0415  # lazy: brings numba
+
+    satellites = tuple(dict.fromkeys(observations.satellites))
+    rows = np.unique(np.linspace(0, len(observations.t_s) - 1, _POINTS).astype(np.int64))
+    t_s = np.tile(observations.t_s[rows][:, None], (1, len(satellites)))
+    states = satellite_states(orbits_of(flight), satellites, t_s, rates=False)
+    receiver_e_m = np.tile(flight.origin.p_e_m, (len(rows), 1))
+    _, elevation_rad, azimuth_rad = look_angles(receiver_e_m, states.p_e_m)
+    tracked, zenith_deg = _tracked(observations)[rows], 90 - np.degrees(elevation_rad)
+    circle = np.linspace(0.0, 2 * np.pi, 73)
+    mask_deg = np.full(73, 90 - np.degrees(flight.elevation_mask_rad))
+    lines, notes = [Line(of=TRUTH, name="elevation mask", x=circle, y=mask_deg)], []
+    for k, name in enumerate(satellites):
+        channels = [other == name for other in observations.satellites]
+        shown = tracked[:, channels].any(axis=1) & (elevation_rad[:, k] > 0)
+        if shown.any():
+            x, y = azimuth_rad[shown, k], zenith_deg[shown, k]
+            lines.append(Line(of=INK_LINE, name=name, x=np.unwrap(x), y=y))
+            lines.append(Line(of=INK_LINE, name=name, x=x[-1:], y=y[-1:], dots=True))
+            notes.append((float(x[-1]), float(y[-1]), name))
+    title = "sky plot from the origin: north up, dashed the elevation mask"
+    return Chart(
+        title=title,
+        x="azimuth",
+        y="elevation",
+        lines=lines,
+        notes=notes,
+        polar=True,
+        height=0.7 * WIDTH,
+    )
+
+
+def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
+    """Yield a row for each channel: its mean carrier-to-noise density over antennas in time."""
+    tracked, cn0_dbhz = _tracked(observations), observations.cn0_dbhz
+    starts = first_epochs(len(tracked), _CELLS)
+    is_finite = np.isfinite(cn0_dbhz)
+    total = np.add.reduceat(np.where(is_finite, cn0_dbhz, 0.0).sum(axis=1), starts, axis=0)
+    count = np.add.reduceat(is_finite.sum(axis=1), starts, axis=0)
+    level = np.digitize(total / np.maximum(count, 1), _LEVELS_DBHZ)
+    received = np.logical_or.reduceat(tracked, starts, axis=0)
+    kinds: IntArray = np.where(received, np.where(count > 0, level, 2), -1)
+    shown = np.flatnonzero(tracked.any(axis=0))
+    names = [f"{a} {b}" for a, b in zip(observations.satellites, observations.signals, strict=True)]
+    is_stated = bool(is_finite.any())
+    title = "C/N0, dBHz, mean over antennas" if is_stated else "tracked channels: no C/N0 recorded"
+    edges_s = np.append(observations.t_s[starts], observations.t_s[-1])
+    levels = [f"below {_LEVELS_DBHZ[0]:g}", *(f"{level:g}+" for level in _LEVELS_DBHZ)]
+    colours = dict(zip(levels, CN0_COLOURS, strict=True))
+    for first in range(0, len(shown), _MOST):
+        some = shown[first : first + _MOST]
+        rows = {names[k]: kinds[:, k] for k in some.tolist()}
+        yield cells_chart(title, rows, edges_s, colours, time)
+
+
+def _tracked(observations: Observations) -> BoolArray:
+    """Return which channels any antenna measured, (n, m)."""
+    return np.asarray(np.isfinite(observations.code_m).any(axis=1))
+
+
+def residual_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
+    """Return rows and tables of residuals by satellite; empty without observations."""
+    charts, tables = [], []
+    for title, unit, scale, of in (
+        ("phase of the array", "mm", 1e3, _of_array(comparison)),
+        ("code of the first antenna", "m", 1.0, _of_antenna(flight, comparison, code_residuals)),
+        ("phase of the first antenna", "mm", 1e3, _of_antenna(flight, comparison, phase_residuals)),
+    ):
+        lines = [(m.name, r.t_s, r.channels, scale * r.value_m) for m, r in of]
+        charts += channel_charts(title, unit, lines, time)
+        tables += _table(title, unit, scale, of)
+    explanation = paragraph(
+        "RMS in cells of time. The array's phase less what the attitude makes of it, whole "
+        "cycles taken off, over all baselines; code and phase of the first antenna less what "
+        "the position makes of them, clocks of each epoch and a constant of each arc of phase "
+        "taken off: errors of the position, of orbits and of the atmosphere that drift within "
+        "an arc stay in. A row is cut at its upper edge."
+    )
+    by_satellite = folded("RMS by satellite and method", tables)
+    return explanation + grid(charts) + by_satellite if charts else []
+
+
+def _of_array(comparison: Comparison) -> list[tuple[Method, Residuals]]:
+    differences = comparison.double_differences
+    if differences is None:
+        return []
+    return [
+        (method, array_phase_residuals(differences, method.estimate))
+        for method in comparison.solved
+        if method.estimate is not None and not hidden(method.estimate) & set(EULER)
+    ]
+
+
+def _of_antenna(
+    flight: Flight, comparison: Comparison, residuals: Callable[..., Residuals | None]
+) -> list[tuple[Method, Residuals]]:
+    """Return residuals of the first antenna by each method that has positions."""
+    try:
+        observed = None if flight.observations is None else undifferenced(flight)
+    except NoSolutionError:  # too few satellites: then no method has a position by them either
+        return []
+    if observed is None:
+        return []
+    arm_b_m = flight.antennas[0].position_b_m
+    return [
+        (method, left)
+        for method in comparison.solved
+        if method.estimate is not None
+        and "position" not in hidden(method.estimate)
+        and (left := residuals(observed, method.estimate, arm_b_m)) is not None
+        and np.isfinite(left.value_m).any()
+    ]
+
+
+def _table(title: str, unit: str, scale: float, of: Sequence[tuple[Method, Residuals]]) -> Blocks:
+    """Return the RMS of each channel and method."""
+    heads = ["channel", *(f"{method.name}, {unit}" for method, _ in of)]
+    rms = [
+        dict(zip(one.channels, np.sqrt(finite_mean((scale * one.value_m) ** 2, 0)), strict=True))
+        for _, one in of
+    ]
+    channels = sorted({name for one in rms for name, value in one.items() if np.isfinite(value)})
+    return table(
+        heads, ([name, *(number(one.get(name)) for one in rms)] for name in channels), title
+    )
