@@ -184,13 +184,10 @@ def _sweep(order: Order, table: Table, cases: list[int]) -> tuple[str, Blocks, l
             for label, errors in [*zip(names, by_case, strict=True), *average]:
                 cells = [significant(v) for v in (*errors, float(errors.mean()))]
                 rows.append([title, label, *cells])
-                line = Line(of=title, x=np.array(values), y=errors)
+                line = Line(title, np.array(values), errors)
                 lines[f"{angle}, {label}"].append(line)
         tables += tabulated(heads, rows, f"{angle}, RMSE in degrees by {swept}")
-        charts += [
-            Chart(title=title, x=swept, y="RMSE, deg", lines=of, log="y")
-            for title, of in lines.items()
-        ]
+        charts += [Chart(title, "RMSE, deg", of, swept, log="y") for title, of in lines.items()]
     caption = "mean RMSE over angles, values and cases, deg; its ratio"
     tables += tabulated(["method", "mean, deg", "ratio"], _overall(order, table, cases), caption)
     return swept, tables, charts

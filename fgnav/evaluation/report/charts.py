@@ -3,7 +3,7 @@
 Lengths are in points of a figure as it is printed; a page on a screen enlarges it.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -58,7 +58,7 @@ def styles_of(methods: Sequence[str]) -> dict[str, Style]:
     return styles | {name: fixed[name]._replace(group=f"m{k}") for k, name in enumerate(methods)}
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Line:
     """A series of a method, or of what else ``styles_of`` has; ``half`` is half of a band's width.
 
@@ -71,13 +71,16 @@ class Line:
     name: str = ""
     dots: bool = False
     half: FloatArray | None = None
-    around_zero: bool = False
+    is_around_zero: bool = False
 
     @property
     def roughness(self) -> float:
         """Median size of steps, of which the largest are drawn behind."""
         steps = np.abs(np.diff(self.y))
         return float(np.median(steps[np.isfinite(steps)])) if np.isfinite(steps).any() else 0.0
+
+
+Series = Iterator[tuple[str, str, Line]]  # title, name of the axis, and a line of it
 
 
 class Cells(NamedTuple):
@@ -88,7 +91,7 @@ class Cells(NamedTuple):
     colours: Mapping[str, str]
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Chart:
     """A figure of lines and bands, or of cells, between two axes, which ``x`` and ``y`` name.
 
@@ -98,8 +101,8 @@ class Chart:
 
     title: str
     y: str = ""
-    x: str = TIME
     lines: Sequence[Line] = ()
+    x: str = TIME
     cells: Cells | None = None
     x_limits: Span | None = None
     y_limits: Span | None = None
@@ -165,6 +168,22 @@ class Chart:
         axes.yaxis.set_label_coords((8.5 - left) / (WIDTH - left - RIGHT), 0.5)
 
 
+def time_charts(
+    series: Iterable[tuple[str, str, Line]],
+    time: Span,
+    limits: Callable[[Sequence[Line]], Span | None] = lambda _: None,
+    **more: Any,  # noqa: ANN401  # of ``Chart``
+) -> list[Chart]:
+    """Return a chart of each title and name of its axis, with all lines that hold a number."""
+    lines: dict[tuple[str, str], list[Line]] = {}
+    for title, y, line in series:
+        if np.isfinite(line.y).any():
+            lines.setdefault((title, y), []).append(line)
+    return [
+        Chart(*names, of, x_limits=time, y_limits=limits(of), **more) for names, of in lines.items()
+    ]
+
+
 def cells_chart(
     title: str,
     rows: Mapping[str, IntArray],
@@ -175,7 +194,7 @@ def cells_chart(
     """Return rows of coloured cells along the axis of time, by their names."""
     cells = Cells(edges_s, np.array(list(rows.values())), colours)
     height = 39.0 + _ROW * max(len(rows), 2)
-    return Chart(title=title, rows=list(rows), cells=cells, x_limits=time, height=height)
+    return Chart(title, rows=list(rows), cells=cells, x_limits=time, height=height)
 
 
 def first_epochs(count: int, most: int) -> IntArray:
@@ -217,10 +236,10 @@ def channel_charts(
                 if name in parts
             ]
             if up:
-                lines.append(Line(of=of, x=np.tile(middle_s, len(up)), y=np.concatenate(up)))
+                lines.append(Line(of, np.tile(middle_s, len(up)), np.concatenate(up)))
         named = f"{title}: RMS, {unit}; row height {full:.3g} {unit}"
         height = 30 + 13.0 * len(rows)
-        charts.append(Chart(title=named, lines=lines, rows=rows, x_limits=time, height=height))
+        charts.append(Chart(named, lines=lines, rows=rows, x_limits=time, height=height))
     return charts
 
 
@@ -250,15 +269,32 @@ def is_rough(values: FloatArray) -> bool:
     return bool(np.median(np.diff(finite, axis=0).std(axis=0) / size) > 1.2)  # white noise has 1.41
 
 
-def error_limits(series: Iterable[FloatArray]) -> tuple[float, float]:
-    """Return limits around zero: room for most of what the middle one of several series does.
+def around_zero(lines: Sequence[Line]) -> Span:
+    """Return limits that hold bands, and most of what the middle one of several lines does.
 
     One bad method would flatten all others; its RMS is in a table, so its line may leave the axis.
     """
+    halves = [_reach([line.y for line in lines])]
+    halves += [_reach([line.half]) for line in lines if line.half is not None]
+    return -max(halves), max(halves)
+
+
+def _reach(series: Sequence[FloatArray]) -> float:
     sizes = [np.abs(y[np.isfinite(y)]) for y in series]
     reach = [float(np.percentile(size, 99.5)) for size in sizes if size.size]
-    half = 1.5 * float(np.median(reach)) if reach and np.median(reach) > 0 else 1.0
-    return -half, half
+    return 1.5 * float(np.median(reach)) if reach and np.median(reach) > 0 else 1.0
+
+
+def spanning(lines: Sequence[Line]) -> Span | None:
+    """Return limits that hold lines, and bands of the later half: they begin wide."""
+    values = [line.y for line in lines]
+    for line in lines:
+        if line.half is not None:
+            later = slice(len(line.y) // 2, None)
+            values += [line.y[later] + side * line.half[later] for side in (-1, 1)]
+    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    room = 0.04 * np.ptp(finite)
+    return (float(finite.min() - room), float(finite.max() + room)) if room > 0 else None
 
 
 def _draw_line(axes: "Axes", line: Line, style: Style, width: float, *, in_time: bool) -> None:
@@ -266,7 +302,7 @@ def _draw_line(axes: "Axes", line: Line, style: Style, width: float, *, in_time:
     same: dict[str, Any] = {"color": style.colour, "gid": style.group}
     few = slice(None, None, -(-len(line.x) // _MOST) or 1)
     if line.half is not None:
-        middle = np.zeros(len(line.x)) if line.around_zero else line.y
+        middle = np.zeros(len(line.x)) if line.is_around_zero else line.y
         low, high = ((middle + side * line.half)[few] for side in (-1, 1))
         axes.fill_between(line.x[few], low, high, alpha=0.2, linewidth=0.3, **same)
     if line.dots:

@@ -206,19 +206,11 @@ def _charts(comparison: FlightsComparison) -> Blocks:
         positive = {method: v for method, v in values.items() if (v > 0).any()}
         shifts = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else [0.0]
         lines = [
-            Line(of=method, x=place + shift, y=v, dots=True)
+            Line(method, place + shift, v, dots=True)
             for (method, v), shift in zip(positive.items(), shifts, strict=False)
         ]
         limits = (0.5, len(place) + 0.5)
+        unit = title.rpartition(", ")[2]
         if lines:
-            charts.append(
-                Chart(
-                    title=title,
-                    x="flight",
-                    y=title.rpartition(", ")[2],
-                    lines=lines,
-                    x_limits=limits,
-                    log="y",
-                )
-            )
+            charts.append(Chart(title, unit, lines, "flight", x_limits=limits, log="y"))
     return grid(charts)

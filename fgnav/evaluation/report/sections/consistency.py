@@ -7,12 +7,16 @@ from scipy.special import bdtrik, chdtri
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.charts import TRUTH, Chart, Line, Span
+from fgnav.evaluation.report.charts import TRUTH, Chart, Line, Span, time_charts
 from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
 
 _FREEDOM = 3
 _TAILS = np.array([0.975, 0.025])  # of probability above the two ends of a band of 95 %
 _FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "velocity_nees"))
+_DECILES = (
+    "Ten per cent in each decile where the noise is what it is stated to be: more at the right, "
+    "noise is larger; at the left, smaller; at both ends, outliers or a mixture."
+)
 NIS_HEADS = ["NIS", "low", "high", "in the band"]
 NIS_CAPTION = (
     "Normalised innovations squared by degree of freedom; 1 is expected. The band holds 95 % of "
@@ -57,85 +61,68 @@ def _innovation_histograms(methods: Sequence[Method]) -> Blocks:
     for kind, of in by_kind.items():
         count = max(int(counts.sum()) for counts in of.values())
         low, high = (100 * np.ceil(bdtrik(1 - _TAILS, count, 0.1)) / count).tolist()
-        shares = {name: 100 * counts / counts.sum() for name, counts in of.items()}
-        most = max([15.0, high, *(float(share.max()) for share in shares.values())])
         edges = np.repeat(np.arange(11) / 10, 2)[1:-1]
+        shares = {name: np.repeat(100 * counts / counts.sum(), 2) for name, counts in of.items()}
+        most = max([15.0, high, *(float(share.max()) for share in shares.values())])
         charts.append(
             Chart(
-                title=f"NIS of {kind}: share by decile of chi-square",
-                x="probability of less",
-                y="share, %",
-                lines=[
-                    Line(of=name, x=edges, y=np.repeat(share, 2)) for name, share in shares.items()
-                ],
+                f"NIS of {kind}: share by decile of chi-square",
+                "share, %",
+                [Line(name, edges, share) for name, share in shares.items()],
+                "probability of less",
                 x_limits=(0.0, 1.0),
                 y_limits=(0.0, 1.05 * most),
                 rules={low: "", high: f"95 % of {count} independent"},
             )
         )
-    explanation = paragraph(
-        "Ten per cent in each decile where the noise is what it is stated to be: more at the "
-        "right, noise is larger; at the left, smaller; at both ends, outliers or a mixture."
-    )
-    return folded("histograms of NIS", explanation + grid(charts) if charts else [])
+    return folded("histograms of NIS", paragraph(_DECILES) + grid(charts) if charts else [])
 
 
 def _normalised_errors(methods: Sequence[Method], time: Span) -> Blocks:
     """Return NEES in time and as histograms, and their means."""
     low, high = chdtri(_FREEDOM, _TAILS).tolist()
-    charts, histograms, rows = [], [], []
+    series, rows = [], []
     for quantity, field in _FIELDS:
-        of = {
-            m.name: (m.errors.t_s, values)
-            for m in methods
-            if (values := getattr(m.errors, field, None)) is not None
-            and m.errors is not None
-            and np.isfinite(values).any()
-        }
-        if not of:
-            continue
-        ends = np.concatenate([np.nanpercentile(v, [0.5, 99.5]) for _, v in of.values()])
-        charts.append(
-            Chart(
-                title=f"NEES of {quantity}, 3 degrees of freedom",
-                y=f"NEES of {quantity}",
-                lines=[Line(of=name, x=t_s, y=y, dots=True) for name, (t_s, y) in of.items()],
-                x_limits=time,
-                y_limits=(max(min(0.01, *ends), 1e-3), max(2 * high, *ends)),
-                log="y",
-                rules={low: "2.5 %", high: "97.5 %"},
-            )
-        )
-        histograms.append(_histogram(quantity, {name: y for name, (_, y) in of.items()}))
-        for name, (_, values) in of.items():
-            finite = values[np.isfinite(values)]
+        for method in methods:
+            nees = getattr(method.errors, field, None)
+            if method.errors is None or nees is None or not np.isfinite(nees).any():
+                continue
+            line = Line(method.name, method.errors.t_s, nees, dots=True)
+            series.append((f"NEES of {quantity}, 3 degrees of freedom", "NEES", line))
+            finite = nees[np.isfinite(nees)]
             inside = f"{100 * float(((finite >= low) & (finite <= high)).mean()):.1f} %"
             mean = number(float(finite.mean()), 2)
-            rows.append([name, quantity, str(len(finite)), mean, inside])
+            rows.append([method.name, quantity, str(len(finite)), mean, inside])
+    charts = time_charts(series, time, _decades, log="y", rules={low: "2.5 %", high: "97.5 %"})
     caption = (
         f"Normalised errors squared; 3 is expected, and 95 % between {low:.2f} and {high:.2f}. "
         "Errors of neighbouring epochs are alike in a smoother: one flight says little of the "
         "mean."
     )
     explanation = "Density of NEES by its logarithm; dashed: chi-square, three degrees."
+    histograms = grid(map(_histogram, charts))
     return (
         table(["method", "state", "epochs", "mean NEES", "in the band"], rows, caption)
         + grid(charts)
-        + folded("histograms of NEES", paragraph(explanation) + grid(histograms) if rows else [])
+        + folded("histograms of NEES", paragraph(explanation) + histograms if rows else [])
     )
 
 
-def _histogram(quantity: str, of: dict[str, FloatArray]) -> Chart:
+def _decades(lines: Sequence[Line]) -> Span:
+    """Return what most of NEES lies between, and its band."""
+    ends = [end for line in lines for end in np.nanpercentile(line.y, [0.5, 99.5]).tolist()]
+    return max(min(0.01, *ends), 1e-3), max(20.0, *ends)
+
+
+def _histogram(in_time: Chart) -> Chart:
     """Return densities of the logarithm, which shows both tails."""
     edges = np.linspace(-2.0, 3.0, 41)
     nees = 10 ** ((edges[:-1] + edges[1:]) / 2)
     lines = []
-    for name, values in of.items():
-        finite = values[np.isfinite(values)]
-        logs = np.log10(finite.clip(10 ** edges[0], 10 ** edges[-1]))
+    for line in in_time.lines:
+        logs = np.log10(line.y[np.isfinite(line.y)].clip(10 ** edges[0], 10 ** edges[-1]))
         density = np.histogram(logs, edges)[0] / len(logs) / np.diff(edges)
-        lines.append(Line(of=name, x=nees, y=density))
+        lines.append(Line(line.of, nees, density))
     density = np.sqrt(nees / (2 * np.pi)) * np.exp(-nees / 2)  # of chi-square, three degrees
-    expected = density * nees * np.log(10)
-    lines.append(Line(of=TRUTH, name="chi-square", x=nees, y=expected))
-    return Chart(title=f"NEES of {quantity}", x="NEES", y="density of log10", lines=lines, log="x")
+    lines.append(Line(TRUTH, nees, density * nees * np.log(10), "chi-square"))
+    return Chart(in_time.title, "density of log10", lines, "NEES", log="x")

@@ -13,11 +13,12 @@ from fgnav.evaluation.report.charts import (
     GOOD,
     POOR,
     WRONG,
-    Chart,
     Line,
     Span,
     cells_chart,
     first_epochs,
+    spanning,
+    time_charts,
 )
 from fgnav.evaluation.report.parts import NONE, Blocks, grid, table
 from fgnav.types.estimate import Estimate
@@ -37,30 +38,22 @@ _NEAR = 0.75  # usual intervals: epochs that follow each other have none further
 def quality_strips(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
     """Return a row for each method: integers, none, no GNSS at all, or no answer."""
     edges_s = np.linspace(*time, _CELLS + 1)
-    measured_s, rows = _measured_s(flight), {}
-    for method in methods:
-        estimate = method.estimate
-        if estimate is not None and len(estimate.t_s):
-            flags = _with_gaps(estimate.t_s, _flags(flight, estimate, measured_s))
-            rows[method.name] = _in_cells(*flags, edges_s)
-    return grid(
-        [cells_chart(f"quality of answers{_WORST}", rows, edges_s, _QUALITY, time)] if rows else []
-    )
+    rows = {
+        method.name: _worst(method.estimate.t_s, _flags(flight, method.estimate), edges_s)
+        for method in methods
+        if method.estimate is not None and len(method.estimate.t_s)
+    }
+    title = f"quality of answers{_WORST}"
+    return grid([cells_chart(title, rows, edges_s, _QUALITY, time)] if rows else [])
 
 
-def _measured_s(flight: Flight) -> FloatArray:
-    """Return when satellites were received, or a receiver gave a fix."""
+def _flags(flight: Flight, estimate: Estimate) -> IntArray:
+    """Return the place in ``_QUALITY`` of each answer, (n,)."""
     times = [np.zeros(0), *(one.t_s for one in flight.fixes)]
-    if flight.observations is not None:
-        of = flight.observations
-        times.append(of.t_s[np.isfinite(of.code_m).any(axis=(1, 2))])
-    return np.unique(np.concatenate(times))
-
-
-def _flags(flight: Flight, estimate: Estimate, measured_s: FloatArray) -> IntArray:
-    """Return the flag of each answer, (n,)."""
-    flags: IntArray = np.where(_near(estimate.t_s, measured_s), 2, 1)
-    integers, observations = estimate.integers, flight.observations
+    observations, integers = flight.observations, estimate.integers
+    if observations is not None:
+        times.append(observations.t_s[np.isfinite(observations.code_m).any(axis=(1, 2))])
+    flags: IntArray = np.where(_near(estimate.t_s, np.unique(np.concatenate(times))), 2, 1)
     if integers is not None and observations is not None:
         answers, rows = common_epochs(estimate.t_s, observations.t_s)
         if len(integers.fixed) == len(observations.t_s):
@@ -68,36 +61,30 @@ def _flags(flight: Flight, estimate: Estimate, measured_s: FloatArray) -> IntArr
     return flags
 
 
-def _with_gaps(t_s: FloatArray, flags: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return epochs with one more in the middle of each gap, without an answer."""
-    steps_s = np.diff(t_s)
-    at = np.flatnonzero(steps_s > 2 * _NEAR * np.median(steps_s)) if len(steps_s) else steps_s[:0]
-    after = at.astype(np.int64) + 1
-    middle_s = (t_s[after - 1] + t_s[after]) / 2
-    return np.insert(t_s, after, middle_s), np.insert(flags, after, 0)
-
-
-def _in_cells(t_s: FloatArray, flags: IntArray, edges_s: FloatArray) -> IntArray:
-    """Return the worst flag in each cell; of a cell between two answers the nearest one's."""
-    middle_s = (edges_s[:-1] + edges_s[1:]) / 2
-    after = np.searchsorted(t_s, middle_s).clip(1, max(len(t_s) - 1, 1))
-    last = after.clip(0, len(t_s) - 1)
-    nearest = np.where(middle_s - t_s[after - 1] < t_s[last] - middle_s, after - 1, last)
-    kinds: IntArray = np.where(_near(middle_s, t_s), flags[nearest], 0)
-    cell = (np.searchsorted(edges_s, t_s, side="right") - 1).clip(0, len(middle_s) - 1)
-    kinds[np.bincount(cell, minlength=len(middle_s)) > 0] = len(_QUALITY) - 1
-    np.minimum.at(kinds, cell, flags)
-    return kinds
+def _worst(t_s: FloatArray, flags: IntArray, edges_s: FloatArray) -> IntArray:
+    """Return the worst flag in each cell, 0 where answers are missing; the nearest of none."""
+    usual_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else float(np.diff(edges_s)[0])
+    expected_s = np.arange(edges_s[0], edges_s[-1], usual_s)
+    missing_s = expected_s[~_near(expected_s, t_s)]
+    times_s = np.concatenate([t_s, missing_s])
+    order = np.argsort(times_s)
+    kinds = np.concatenate([flags, np.zeros(len(missing_s), np.int64)])[order]
+    times_s, middle_s = times_s[order], (edges_s[:-1] + edges_s[1:]) / 2
+    nearest = np.rint(np.interp(middle_s, times_s, np.arange(len(times_s))))
+    worst: IntArray = kinds[nearest.astype(np.int64)]
+    cell = (np.searchsorted(edges_s, times_s, side="right") - 1).clip(0, len(worst) - 1)
+    worst[np.unique(cell)] = len(_QUALITY) - 1
+    np.minimum.at(worst, cell, kinds)
+    return worst
 
 
 def _near(t_s: FloatArray, of_s: FloatArray) -> BoolArray:
     """Return whether times are as near to one of some epochs as these are to each other."""
     if len(of_s) < 2:
         return np.asarray(np.isin(t_s, of_s))
-    usual_s = float(np.median(np.diff(of_s)))
     after = np.searchsorted(of_s, t_s).clip(1, len(of_s) - 1)
     away_s = np.minimum(np.abs(t_s - of_s[after - 1]), np.abs(t_s - of_s[after]))
-    return np.asarray(away_s <= _NEAR * usual_s)
+    return np.asarray(away_s <= _NEAR * np.median(np.diff(of_s)))
 
 
 def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
@@ -112,19 +99,13 @@ def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks
         for name, integers in of.items()
     }
     edges_s = np.append(t_s[starts], t_s[-1])
-    lines = [Line(of=n, x=t_s, y=one.fixed.sum(axis=(1, 2)).astype(float)) for n, one in of.items()]
-    most = max(1.0, *(float(line.y.max()) for line in lines))
-    links = Chart(
-        title="links with fixed integers",
-        y="links",
-        lines=lines,
-        x_limits=time,
-        y_limits=(-0.04 * most, 1.04 * most),
+    series = (
+        ("links with fixed integers", "links", Line(n, t_s, one.fixed.sum(axis=(1, 2)) * 1.0))
+        for n, one in of.items()
     )
-    strips = cells_chart(f"epochs by their integers{_WORST}", rows, edges_s, _OUTCOMES, time)
-    return (
-        grid([strips, links]) + _counts(comparison.solved) + _arcs(comparison.solved) + _reasons(of)
-    )
+    states = cells_chart(f"epochs by their integers{_WORST}", rows, edges_s, _OUTCOMES, time)
+    charts = grid([states, *time_charts(series, time, spanning)])
+    return charts + _counts(comparison.solved) + _arcs(comparison.solved) + _reasons(of)
 
 
 def _integers(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, Integers]]:

@@ -39,18 +39,15 @@ def _charts(
     tau_s, deviation = allan_deviation(values, float(np.median(np.diff(t_s))))
     expected = stated_deviation(tau_s, *noise)
     every = np.concatenate([deviation.ravel(), expected])
-    every = every[every > 0]
+    limits = float(every[every > 0].min()), float(every.max())
     return [
         Chart(
-            title=f"{name} {axis}: Allan deviation",
-            x="averaging time, s",
-            y=f"Allan deviation, {unit}",
-            lines=[
-                Line(of=RECORDED, x=tau_s, y=y),
-                Line(of=TRUTH, name="as stated", x=tau_s, y=expected),
-            ],
+            f"{name} {axis}: Allan deviation",
+            f"Allan deviation, {unit}",
+            [Line(RECORDED, tau_s, y), Line(TRUTH, tau_s, expected, "as stated")],
+            "averaging time, s",
             log="xy",
-            y_limits=(float(every.min()), float(every.max())),
+            y_limits=limits,
         )
         for axis, y in zip("xyz", deviation.T, strict=True)
     ]

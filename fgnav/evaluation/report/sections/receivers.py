@@ -9,12 +9,19 @@ from fgnav.attitude.receiver_baselines import body_baseline
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.charts import Chart, Line, Span, error_limits
+from fgnav.evaluation.report.charts import Line, Span, around_zero, time_charts
 from fgnav.evaluation.report.parts import Blocks, grid, number, paragraph, table
+from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN
 from fgnav.evaluation.scores import hidden
 from fgnav.geometry.rotations import wrap
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Baseline, Fixes, Flight
+
+_EXPLANATION = (
+    "What a receiver solved less what an estimate has at its antennas; shaded: three standard "
+    "deviations as the receiver states them. The estimate has seen it: a residual is smaller than "
+    "the receiver's error. What stays for seconds is set-up, delay or multipath."
+)
 
 
 class _Residual(NamedTuple):
@@ -29,39 +36,24 @@ class _Residual(NamedTuple):
 
 def receiver_blocks(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
     """Return figures and a table of residuals; empty without fixes and baselines."""
-    by_title: dict[str, list[tuple[str, _Residual]]] = {}
+    series, rows = [], []
     for method in methods:
-        if method.estimate is not None:
-            for one in _residuals(flight, method.estimate):
-                by_title.setdefault(one.title, []).append((method.name, one))
-    charts, rows = [], []
-    for title, of in by_title.items():
-        unit, bound = of[0][1].unit, 3 * float(np.median(of[0][1].sigma))
-        charts.append(
-            Chart(
-                title=title,
-                y=f"residual, {unit}",
-                lines=[Line(of=name, x=one.t_s, y=one.value, dots=True) for name, one in of],
-                x_limits=time,
-                y_limits=error_limits([one.value for _, one in of]),
-                rules={bound: "3σ", -bound: "-3σ"},
-            )
-        )
-        for name, one in of:
+        for one in _residuals(flight, method.estimate) if method.estimate is not None else ():
+            half = 3 * one.sigma if method is methods[0] else None  # the same for all
+            line = Line(method.name, one.t_s, one.value, dots=True, half=half, is_around_zero=True)
+            series.append((one.title, f"residual, {one.unit}", line))
             rms, sigma = float(np.sqrt((one.value**2).mean())), float(np.median(one.sigma))
-            sizes = [f"{number(value)} {unit}" for value in (rms, sigma)]
-            rows.append([title, name, str(len(one.value)), *sizes])
+            sizes = [f"{number(value)} {one.unit}" for value in (rms, sigma)]
+            rows.append([one.title, method.name, str(len(one.value)), *sizes])
+    rows.sort(key=lambda row: row[0])
     heads = ["of", "method", "count", "RMS", "1σ, median"]
-    explanation = paragraph(
-        "What a receiver solved less what an estimate has at its antennas. The estimate has "
-        "seen it: a residual is smaller than the receiver's error. What stays for seconds is "
-        "set-up, delay or multipath."
-    )
     figures = table(heads, rows, "residuals, and 1σ as the receiver states it")
-    return explanation + grid(charts) + figures if rows else []
+    charts = grid(time_charts(series, time, around_zero))
+    return paragraph(_EXPLANATION) + charts + figures if rows else []
 
 
 def _residuals(flight: Flight, estimate: Estimate) -> Iterator[_Residual]:
+    """Yield residuals along axes that have any."""
     lost = hidden(estimate)
     for fixes in flight.fixes:
         yield from _of_fixes(flight, estimate, fixes, lost)
@@ -90,7 +82,7 @@ def _of_fixes(
 def _by_axis(
     title: str, unit: str, t_s: FloatArray, value: FloatArray, sigma: FloatArray
 ) -> Iterator[_Residual]:
-    for k, axis in enumerate(("north", "east", "down")):
+    for k, axis in enumerate(NORTH_EAST_DOWN):
         valid = np.isfinite(value[:, k])
         if valid.any():
             yield _Residual(f"{title}, {axis}", unit, t_s[valid], value[valid, k], sigma[valid, k])
@@ -108,12 +100,12 @@ def _of_baseline(flight: Flight, estimate: Estimate, of: Baseline) -> Iterator[_
     measured = of[np.isin(np.arange(len(of.t_s)), rows)]
     here = estimate.R_nb[at] @ between.vector_b_m
     heading = wrap(measured.heading_rad - np.arctan2(here[:, 1], here[:, 0]))
-    sigma = np.degrees(measured.heading_sigma_rad)
-    name = between.name
-    yield _Residual(f"{name}, heading", "deg", measured.t_s, np.degrees(heading), sigma)
-    if of.measured == "heading":
-        return
-    pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in (measured.vector_n_m, here)]
-    length = np.linalg.norm(measured.vector_n_m, axis=1)
-    sigma = np.degrees(np.sqrt(measured.covariance_m2[:, 2, 2]) / length)
-    yield _Residual(f"{name}, pitch", "deg", measured.t_s, np.degrees(pitch[0] - pitch[1]), sigma)
+    t_s, sigma_deg = measured.t_s, np.degrees(measured.heading_sigma_rad)
+    yield _Residual(f"{between.name}, heading", "deg", t_s, np.degrees(heading), sigma_deg)
+    if of.measured != "heading":
+        there = measured.vector_n_m
+        pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in (there, here)]
+        length_m = np.linalg.norm(there, axis=1)
+        sigma_deg = np.degrees(np.sqrt(measured.covariance_m2[:, 2, 2]) / length_m)
+        left_deg = np.degrees(pitch[0] - pitch[1])
+        yield _Residual(f"{between.name}, pitch", "deg", t_s, left_deg, sigma_deg)

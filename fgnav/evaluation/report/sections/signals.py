@@ -58,25 +58,17 @@ def _sky(flight: Flight, observations: Observations) -> Chart:
     tracked, zenith_deg = _tracked(observations)[rows], 90 - np.degrees(elevation_rad)
     circle = np.linspace(0.0, 2 * np.pi, 73)
     mask_deg = np.full(73, 90 - np.degrees(flight.elevation_mask_rad))
-    lines, notes = [Line(of=TRUTH, name="elevation mask", x=circle, y=mask_deg)], []
+    lines, notes = [Line(TRUTH, circle, mask_deg, "elevation mask")], []
     for k, name in enumerate(satellites):
         channels = [other == name for other in observations.satellites]
         shown = tracked[:, channels].any(axis=1) & (elevation_rad[:, k] > 0)
         if shown.any():
             x, y = azimuth_rad[shown, k], zenith_deg[shown, k]
-            lines.append(Line(of=INK_LINE, name=name, x=np.unwrap(x), y=y))
-            lines.append(Line(of=INK_LINE, name=name, x=x[-1:], y=y[-1:], dots=True))
+            lines.append(Line(INK_LINE, np.unwrap(x), y, name))
+            lines.append(Line(INK_LINE, x[-1:], y[-1:], name, dots=True))
             notes.append((float(x[-1]), float(y[-1]), name))
     title = "sky plot from the origin: north up, dashed the elevation mask"
-    return Chart(
-        title=title,
-        x="azimuth",
-        y="elevation",
-        lines=lines,
-        notes=notes,
-        polar=True,
-        height=0.7 * WIDTH,
-    )
+    return Chart(title, "elevation", lines, "azimuth", notes=notes, polar=True, height=0.7 * WIDTH)
 
 
 def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
