@@ -11,6 +11,7 @@ from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
+from fgnav.evaluation.flights import BOOTSTRAP_SEED
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.report.charts import Chart, Line
 from fgnav.evaluation.report.parts import Blocks, Report, grid, paragraph, report, significant
@@ -23,18 +24,11 @@ from fgnav.io.atomic_write import write_text
 REPORT, PAGE = "report.txt", "report.html"
 _WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
-# Column heading, figure, whether it is a root mean square.
 _SUMMARY = (
-    ("attitude deg", _WHOLE, True),
-    ("position m", "position_rmse_m", True),
-    ("velocity m/s", "velocity_rmse_mps", True),
-    ("NEES of 3", "attitude_nees", False),
-    ("NLL", "attitude_nll", False),
-    ("energy deg", "attitude_energy_score_deg", False),
-    ("wrong integers", "integers_wrong", False),
+    *("attitude_rmse_deg", "position_rmse_m", "velocity_rmse_mps", "attitude_nees"),
+    *("attitude_nll", "attitude_energy_score_deg", "integers_wrong"),
 )
 _WIDTH = 400  # letters of a table
-_RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
 
 
 class Table:
@@ -75,7 +69,7 @@ class Table:
 
         NaN where a flight has not been flown, or the method had no answer.
         """
-        m, k = self._methods.index(method), FIGURES.index(name)
+        m, k = self._methods.index(method), list(FIGURES).index(name)
         own = {column: v for (c, column), v in self._flights.items() if c == case}
         numbers = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
         values = np.full((len(numbers), self._columns[case]), np.nan)
@@ -107,7 +101,7 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
 
 def _summaries(order: Order, table: Table) -> Blocks:
     """Return a table of each case."""
-    heads = ["method", "answered", *(head for head, _, _ in _SUMMARY)]
+    heads = ["method", "answered", *(FIGURES[name].head or name for name in _SUMMARY)]
     heads += [f"ratio to {order.reference}", "of one only"]
     return [
         block
@@ -129,14 +123,14 @@ def _head(order: Order, count: int) -> str:
 
 def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
     """Yield a row for each method of a case."""
-    rng = np.random.default_rng([_RESAMPLED, number])
+    rng = np.random.default_rng([BOOTSTRAP_SEED, number])
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
         answered = np.nansum(table.figure("available", title, number))
         share = 100 * float(answered) / max(table.flown(number), 1)
         cells = [
-            _cell(_pooled(table.figure(name, title, number), rng, squared=squared))
-            for _, name, squared in _SUMMARY
+            _cell(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
+            for name in _SUMMARY
         ]
         ratio = unpaired = ""
         if title != order.reference:
@@ -202,7 +196,7 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
         ]
         return np.asarray(np.concatenate(figures, axis=1).mean(axis=1))  # NaN where one is missing
 
-    rng = np.random.default_rng([_RESAMPLED, *cases])
+    rng = np.random.default_rng([BOOTSTRAP_SEED, *cases])
     if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
         return  # flights of one of them are still to come
     baseline = means(order.reference)

@@ -28,8 +28,7 @@ TIME = "time, s"
 Span = tuple[float, float]  # of an axis
 _GAP = 3.0  # usual intervals; a line is broken across a longer step
 _MOST = 960  # dots of a series, points of a band
-_CHANNELS = 28  # rows of a figure
-_FEW, _LARGE, _SMALL = 60, 2.6, 1.2  # so few dots are as large as that, more are small
+_FEW, _LARGE, _SMALL = 60, 2.6, 1.3  # so few dots are as large as that, more are small
 _THICK, _THIN = 1.8, 0.7  # lines that may coincide, from the one behind to the one before: all show
 _LETTER, _ROW = 3.7, 7.0  # width of a letter; height of a row
 
@@ -202,57 +201,6 @@ def first_epochs(count: int, most: int) -> IntArray:
     return np.unique(np.linspace(0, count, min(most, count), endpoint=False).astype(np.int64))
 
 
-def channel_charts(
-    title: str,
-    unit: str,
-    series: Sequence[tuple[str, FloatArray, Sequence[str], FloatArray]],
-    time: Span,
-) -> list[Chart]:
-    """Return RMS in cells of time, a row for each channel, all on one scale.
-
-    Parameters
-    ----------
-    series : sequence of tuple
-        Method, times (n,), channels, and values (n, channels).
-    """
-    edges_s = np.linspace(*time, 91)
-    middle_s = np.append((edges_s[:-1] + edges_s[1:]) / 2, np.nan)
-    means = [(of, list(names), _rms_in_cells(t_s, y, edges_s)) for of, t_s, names, y in series]
-    channels = sorted(
-        {names[k] for _, names, y in means for k in np.flatnonzero(np.isfinite(y).any(axis=0))}
-    )
-    if not channels:
-        return []
-    full = float(np.median([np.nanpercentile(y, 99.0) for _, _, y in means])) or 1.0
-    charts = []
-    for first in range(0, len(channels), _CHANNELS):
-        rows = channels[first : first + _CHANNELS]
-        lines = []
-        for of, names, y in means:
-            parts = dict(zip(names, (y.T / full).clip(None, 1), strict=True))
-            up = [
-                np.append(k + 0.45 - 0.9 * parts[name], np.nan)
-                for k, name in enumerate(rows)
-                if name in parts
-            ]
-            if up:
-                lines.append(Line(of, np.tile(middle_s, len(up)), np.concatenate(up)))
-        named = f"{title}: RMS, {unit}; row height {full:.3g} {unit}"
-        height = 30 + 13.0 * len(rows)
-        charts.append(Chart(named, lines=lines, rows=rows, x_limits=time, height=height))
-    return charts
-
-
-def _rms_in_cells(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return root mean squares in cells of time, (c, m); NaN in a cell without a value."""
-    count = len(edges_s) - 1
-    cell = (np.searchsorted(edges_s, t_s, side="right") - 1).clip(0, count - 1)
-    total, number = np.zeros((2, count, values.shape[1]))
-    np.add.at(total, cell, np.nan_to_num(values) ** 2)
-    np.add.at(number, cell, np.isfinite(values))
-    return np.asarray(np.sqrt(total / np.where(number > 0, number, np.nan)))
-
-
 def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
     """Return an angle with NaN where it changes by more than a quarter turn: it wraps or flips."""
     out = angle_deg.copy()
@@ -298,22 +246,22 @@ def spanning(lines: Sequence[Line]) -> Span | None:
 
 
 def _draw_line(axes: "Axes", line: Line, style: Style, width: float, *, in_time: bool) -> None:
-    """Draw a band, and a line, broken at gaps, or a fair sample of dots."""
+    """Draw a band, and a line, both broken at gaps of time, or a fair sample of dots."""
     same: dict[str, Any] = {"color": style.colour, "gid": style.group}
     few = slice(None, None, -(-len(line.x) // _MOST) or 1)
-    if line.half is not None:
-        middle = np.zeros(len(line.x)) if line.is_around_zero else line.y
-        low, high = ((middle + side * line.half)[few] for side in (-1, 1))
-        axes.fill_between(line.x[few], low, high, alpha=0.2, linewidth=0.3, **same)
-    if line.dots:
-        size = _LARGE if len(line.x) <= _FEW else _SMALL
-        axes.plot(line.x[few], line.y[few], ".", markersize=size, markeredgewidth=0, **same)
-        return
     steps = np.diff(line.x)
     usual = np.median(steps[steps > 0]) if in_time and (steps > 0).any() else np.inf
     gaps = np.flatnonzero(steps > _GAP * usual) + 1
-    x, y = np.insert(line.x, gaps, np.nan), np.insert(line.y, gaps, np.nan)
-    axes.plot(x, y, linewidth=width, linestyle=style.dashes, **same)
+    x, y = np.insert(line.x, gaps, line.x[gaps]), np.insert(line.y, gaps, np.nan)
+    if line.half is not None:
+        middle, half = 0 * y if line.is_around_zero else y, np.insert(line.half, gaps, np.nan)
+        ends = (middle - half)[few], (middle + half)[few]
+        axes.fill_between(x[few], *ends, alpha=0.2, linewidth=0.3, **same)
+    if line.dots:
+        size = _LARGE if len(x) <= _FEW else _SMALL
+        axes.plot(x[few], y[few], "o", markersize=size, markeredgewidth=0, **same)
+    else:
+        axes.plot(x, y, linewidth=width, linestyle=style.dashes, **same)
 
 
 def _draw_cells(axes: "Axes", cells: Cells) -> None:

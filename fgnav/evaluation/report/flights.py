@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.flights import BOOTSTRAP_SEED, PAIRED, FlightsComparison
 from fgnav.evaluation.paired import Interval
 from fgnav.evaluation.report.charts import Chart, Line
@@ -21,26 +22,7 @@ from fgnav.evaluation.report.sections.consistency import NIS_CAPTION, NIS_HEADS,
 from fgnav.evaluation.report.sections.facts import versions
 from fgnav.evaluation.scores import EULER, rms
 
-_SUMMARY = {
-    "epochs": "available",
-    "attitude, deg RMS": "attitude_rmse_deg",
-    "matched, deg RMS": "matched_attitude_rmse_deg",
-    "median, deg": "attitude_median_deg",
-    "95 %, deg": "attitude_p95_deg",
-    "position, m RMS": "position_rmse_m",
-    "velocity, m/s RMS": "velocity_rmse_mps",
-    "NEES, of 3": "attitude_nees",
-    "NLL": "attitude_nll",
-    "energy, deg": "attitude_energy_score_deg",
-}
-_TITLES = {
-    "matched_attitude_rmse_deg": "attitude RMS on common epochs, deg",
-    "attitude_median_deg": "median attitude error, deg",
-    "attitude_p95_deg": "95th percentile of attitude error, deg",
-    "position_rmse_m": "position RMS, m",
-    "velocity_rmse_mps": "velocity RMS, m/s",
-    "attitude_energy_score_deg": "energy score of attitude, deg",
-}
+_SUMMARY = {figure.head: name for name, figure in FIGURES.items() if figure.head}
 _BOUNDS = {
     "crlb_deg": "Cramér-Rao, one epoch of phase",
     "posterior_deg": "Cramér-Rao, flight, prior of motion",
@@ -137,7 +119,7 @@ def paired(comparison: FlightsComparison) -> Blocks:
             figures = [_interval(pair.difference), _interval(pair.ratio), significant(pair.p_value)]
             mark = "*" if pair.is_significant else ""
             if pair.flights:
-                rows.append([_TITLES[name], method, str(pair.flights), *figures, mark])
+                rows.append([FIGURES[name].title, method, str(pair.flights), *figures, mark])
     caption = (
         f"Less {comparison.methods[0]!r}, flight by flight, on flights that both have; a ratio "
         "below 1 is better. * where both the interval of the ratio and the test exclude chance at "
@@ -201,7 +183,8 @@ def _charts(comparison: FlightsComparison) -> Blocks:
     """Return a dot for each flight and method, in the order of the flights."""
     place = np.arange(1.0, len(comparison.flights) + 1)
     charts = []
-    for name, title in {"attitude_rmse_deg": "attitude RMS, deg", **_TITLES}.items():
+    for name in PAIRED:
+        title = FIGURES[name].title
         values = {method: comparison.figure(name, method) for method in comparison.methods}
         positive = {method: v for method, v in values.items() if (v > 0).any()}
         shifts = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else [0.0]

@@ -48,6 +48,7 @@ STYLE: Any = {
     "legend.frameon": False,
     "path.simplify_threshold": 0.2,
     "text.color": INK,
+    "text.parse_math": False,
     "xtick.color": DIM,
     "ytick.color": DIM,
     "xtick.major.size": 0.0,
@@ -89,7 +90,7 @@ def svg(chart: Chart, styles: Mapping[str, Style], salt: str) -> str:
     text = re.sub(r'<g id="(m\d{1,2})">', r'<g class="\1">', text)
     text = re.sub(r' id="[\w.]+_\d+"', "", text)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\1{salt}", text)
-    text = re.sub(r'(?:<use [^>]*style="fill: #\w+"/>\s*)+', _dots, text)
+    text = _dots(text)
     text = re.sub(r"font-family: [^;]*; ", "", text)
     text = re.sub(r"<[^>]*>", _rounded, text)
     text = re.sub(r"\s*\n\s*", " ", text)
@@ -105,12 +106,17 @@ def page_colour(colour: str) -> str:
     return f"var(--c{colour[1:]})" if colour in DARK else colour
 
 
-def _dots(uses: re.Match[str]) -> str:
-    """Return markers as one path of round dots, a tenth as long."""
-    places = re.findall(r'x="(.*?)" y="(.*?)"', uses[0])
-    style = re.search(r"fill: (#\w+)", uses[0])
-    path = "".join(f"M{x} {y}h0" for x, y in places)
-    return f'<path class="dots" d="{path}" style="stroke: {style[1] if style else INK}"/>'
+def _dots(text: str) -> str:
+    """Return a figure whose markers are one path of round dots, a tenth as long."""
+    radius = dict(re.findall(r'<path id="(\w+)" d="M 0 (\S+)', text))
+
+    def path(uses: re.Match[str]) -> str:
+        places = "".join(f"M{x} {y}h0" for x, y in re.findall(r'x="(.*?)" y="(.*?)"', uses[0]))
+        stroke = f"stroke: {uses['colour']}; stroke-width: {2 * float(radius[uses['name']])}"
+        return f'<path class="dots" d="{places}" style="{stroke}"/>'
+
+    use = r'<use xlink:href="#(?P<name>\w+)"[^>]*style="fill: (?P<colour>#\w+)"/>\s*'
+    return re.sub(f"(?:{use})+", path, text)
 
 
 def _rounded(tag: re.Match[str]) -> str:

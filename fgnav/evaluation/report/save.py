@@ -67,7 +67,7 @@ def save_report(
     if not comparison.solved:
         raise BadInputError(f"{path}: no method has an estimate to report")
     toml = None if place is None else files_of(place)[0]
-    source = "" if toml is None else _text(toml)
+    source = "" if toml is None else toml.read_text(encoding="utf-8")
     seed = None if toml is None else _seed(toml.with_name(_DRAWN))
     return write(comparison_report(comparison, flight, seed=seed, source=source), path)
 
@@ -154,17 +154,10 @@ def _save_pngs(report: Report, path: Path) -> list[Path]:
     return written
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):  # gone meanwhile: it was read once
-        return ""
-
-
 def _seed(drawn: Path) -> int | None:
     """Return the seed that the simulator wrote beside a flight, if it did."""
     try:
-        seed = json.loads(_text(drawn)).get("seed")
-    except (ValueError, AttributeError):
+        seed = json.loads(drawn.read_text(encoding="utf-8"))["seed"]
+    except (OSError, ValueError, KeyError, TypeError):
         return None
     return seed if isinstance(seed, int) else None

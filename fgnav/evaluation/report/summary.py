@@ -48,7 +48,10 @@ def method_table(comparison: Comparison) -> Table:
             "position, m": _figure(one.position_rms_m),
             "velocity, m/s": _figure(one.velocity_rms_mps),
         }
-    for name, bound in (("one epoch", comparison.bound), ("flight", comparison.posterior_bound)):
+    for name, bound in (
+        ("one epoch", comparison.bound),
+        ("the flight", comparison.posterior_bound),
+    ):
         if bound != Angles():
             rows[f"bound of {name}"] = _angles(bound)
     shown = [head for head in HEADS if {row.get(head, "") for row in rows.values()} - {NONE, ""}]

@@ -20,7 +20,6 @@ from fgnav.evaluation.report.charts import (
     TRUTH,
     Chart,
     Line,
-    channel_charts,
     styles_of,
     unjumped_deg,
 )
@@ -28,6 +27,7 @@ from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.parts import Folded, Grid, Part, Report, Table
 from fgnav.evaluation.report.render import STYLE, sheets
 from fgnav.evaluation.report.save import check_report, page, save_report, write
+from fgnav.evaluation.report.sections.signals import channel_charts
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Consistency, Constant, Rejected
 

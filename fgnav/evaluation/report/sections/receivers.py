@@ -9,7 +9,7 @@ from fgnav.attitude.receiver_baselines import body_baseline
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.charts import Line, Span, around_zero, time_charts
+from fgnav.evaluation.report.charts import FIXES, Line, Span, around_zero, time_charts
 from fgnav.evaluation.report.parts import Blocks, grid, number, paragraph, table
 from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN
 from fgnav.evaluation.scores import hidden
@@ -39,9 +39,11 @@ def receiver_blocks(flight: Flight, methods: Sequence[Method], time: Span) -> Bl
     series, rows = [], []
     for method in methods:
         for one in _residuals(flight, method.estimate) if method.estimate is not None else ():
-            half = 3 * one.sigma if method is methods[0] else None  # the same for all
-            line = Line(method.name, one.t_s, one.value, dots=True, half=half, is_around_zero=True)
-            series.append((one.title, f"residual, {one.unit}", line))
+            y = f"residual, {one.unit}"
+            if method is methods[0]:  # what the receiver states is the same for all
+                stated = Line(FIXES, one.t_s, 0 * one.value, "3σ", half=3 * one.sigma)
+                series.append((one.title, y, stated))
+            series.append((one.title, y, Line(method.name, one.t_s, one.value, dots=True)))
             rms, sigma = float(np.sqrt((one.value**2).mean())), float(np.median(one.sigma))
             sizes = [f"{number(value)} {one.unit}" for value in (rms, sigma)]
             rows.append([one.title, method.name, str(len(one.value)), *sizes])

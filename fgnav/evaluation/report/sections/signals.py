@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from fgnav.checks import BoolArray, IntArray, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.internal_consistency.residuals import (
     Residuals,
@@ -21,7 +21,6 @@ from fgnav.evaluation.report.charts import (
     Line,
     Span,
     cells_chart,
-    channel_charts,
     first_epochs,
 )
 from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
@@ -34,6 +33,7 @@ _POINTS = 60  # of a satellite's way
 _CELLS = 240  # of a row of carrier-to-noise densities
 _LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
 _MOST = 56  # rows of a figure
+_CHANNELS = 28  # those of residuals
 
 
 def sky_charts(flight: Flight, time: Span) -> Blocks:
@@ -97,6 +97,57 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
 def _tracked(observations: Observations) -> BoolArray:
     """Return which channels any antenna measured, (n, m)."""
     return np.asarray(np.isfinite(observations.code_m).any(axis=1))
+
+
+def channel_charts(
+    title: str,
+    unit: str,
+    series: Sequence[tuple[str, FloatArray, Sequence[str], FloatArray]],
+    time: Span,
+) -> list[Chart]:
+    """Return RMS in cells of time, a row for each channel, all on one scale.
+
+    Parameters
+    ----------
+    series : sequence of tuple
+        Method, times (n,), channels, and values (n, channels).
+    """
+    edges_s = np.linspace(*time, 91)
+    middle_s = np.append((edges_s[:-1] + edges_s[1:]) / 2, np.nan)
+    means = [(of, list(names), _rms_in_cells(t_s, y, edges_s)) for of, t_s, names, y in series]
+    channels = sorted(
+        {names[k] for _, names, y in means for k in np.flatnonzero(np.isfinite(y).any(axis=0))}
+    )
+    if not channels:
+        return []
+    full = float(np.median([np.nanpercentile(y, 99.0) for _, _, y in means])) or 1.0
+    charts = []
+    for first in range(0, len(channels), _CHANNELS):
+        rows = channels[first : first + _CHANNELS]
+        lines = []
+        for of, names, y in means:
+            parts = dict(zip(names, (y.T / full).clip(None, 1), strict=True))
+            up = [
+                np.append(k + 0.45 - 0.9 * parts[name], np.nan)
+                for k, name in enumerate(rows)
+                if name in parts
+            ]
+            if up:
+                lines.append(Line(of, np.tile(middle_s, len(up)), np.concatenate(up)))
+        named = f"{title}: RMS, {unit}; row height {full:.3g} {unit}"
+        height = 30 + 13.0 * len(rows)
+        charts.append(Chart(named, lines=lines, rows=rows, x_limits=time, height=height))
+    return charts
+
+
+def _rms_in_cells(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
+    """Return root mean squares in cells of time, (c, m); NaN in a cell without a value."""
+    count = len(edges_s) - 1
+    cell = (np.searchsorted(edges_s, t_s, side="right") - 1).clip(0, count - 1)
+    total, number = np.zeros((2, count, values.shape[1]))
+    np.add.at(total, cell, np.nan_to_num(values) ** 2)
+    np.add.at(number, cell, np.isfinite(values))
+    return np.asarray(np.sqrt(total / np.where(number > 0, number, np.nan)))
 
 
 def residual_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
