@@ -115,7 +115,7 @@ def test_a_report_of_several_flights_is_whole_in_a_browser(report_of_flights, tm
     assert console == []
     assert found["wrong"] == []
     assert found["loaded"] == []
-    assert found["plots"] == 7
+    assert found["plots"] == 6
     assert found["scrolls"] <= size[0]
 
 

@@ -105,9 +105,9 @@ def _of_baseline(flight: Flight, estimate: Estimate, of: Baseline) -> Iterator[_
     t_s, sigma_deg = measured.t_s, np.degrees(measured.heading_sigma_rad)
     yield _Residual(f"{between.name}, heading", "deg", t_s, np.degrees(heading), sigma_deg)
     if of.measured != "heading":
-        there = measured.vector_n_m
-        pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in (there, here)]
-        length_m = np.linalg.norm(there, axis=1)
+        both_n_m = measured.vector_n_m, here
+        pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in both_n_m]
+        length_m = np.linalg.norm(measured.vector_n_m, axis=1)
         sigma_deg = np.degrees(np.sqrt(measured.covariance_m2[:, 2, 2]) / length_m)
         left_deg = np.degrees(pitch[0] - pitch[1])
         yield _Residual(f"{between.name}, pitch", "deg", t_s, left_deg, sigma_deg)
