@@ -1,7 +1,7 @@
 """A flight as a factor graph: states, constants, measurements, motion, and their factors.
 
 Owns the statement of every measurement: one file of ``factors`` holds one sensor's residual and
-Jacobian, and GTSAM, the compiled chain, innovations and reports all read that one.
+Jacobian, and GTSAM, the batch, innovations and reports all read that one.
 """
 
 from typing import Any

@@ -4,7 +4,7 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 ``angular_motion(k)``; part i of the constants has ``constant(i)``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import gtsam
@@ -12,6 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
+from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import SmoothingProblem, pose_prior
@@ -194,18 +195,6 @@ def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
             terms.append((key, block))
             point.insert(key, np.zeros(size))
     return gtsam.LinearContainerFactor(linear_factor(terms, np.zeros(len(rows))), point)
-
-
-def linear_factor(
-    terms: Sequence[tuple[int, FloatArray]], right: FloatArray
-) -> gtsam.JacobianFactor:
-    """Return the white rows ``sum of A_i x_i = right``, of any number of variables.
-
-    GTSAM's own constructors end at three variables; those of a conditional do not.
-    """
-    unit = gtsam.noiseModel.Unit.Create(len(right))
-    blocks = [(key, np.asfortranarray(A)) for key, A in terms]
-    return gtsam.JacobianFactor(gtsam.GaussianConditional(blocks, 1, right, unit))
 
 
 def constant_priors(constants: Constants) -> list[gtsam.NonlinearFactor]:

@@ -200,7 +200,7 @@ class Smoother:
         prepared = make(flight, settings)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
-            from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: the chain
+            from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: gtsam
                 identified_by_evidence,
             )
 
@@ -212,7 +212,7 @@ class Smoother:
         settings = self.preparation
         prepared = build_problem(flight, settings)
         if self.noise == "identified":
-            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: the chain
+            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: gtsam
 
             ahead_s = self.lag_s + 2 * BLOCK_S
             build = partial(build_problem, last=LastObservations())
@@ -365,7 +365,7 @@ def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationS
 
 def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> PreparedFlight:
     """Return the problem of a flight with noise and times that it determines."""
-    from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: the chain
+    from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: gtsam
     from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
 
     notes: tuple[str, ...] = ()

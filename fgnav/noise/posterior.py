@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
-from fgnav.solve.chain import log_evidence, solve_batch
+from fgnav.solve.descent import Minimum, descended
 
 # Scale of theta's prior. What is stated holds to a factor of 1.5. White noise of small inertial
 # units in motion is 1 to 200 times the figure of their data sheets, so the prior has the tails of
@@ -70,18 +70,23 @@ class NoisePosterior(NamedTuple):
     theta, sigma : ndarray, shape (c,)
         Logarithms of factors, and their 1-sigma.
     problem : SmoothingProblem
-    solution : Solution
+    minimum : Minimum
     """
 
     components: NoiseComponents
     theta: FloatArray
     sigma: FloatArray
     problem: SmoothingProblem
-    solution: Solution
+    minimum: Minimum
+
+    @property
+    def solution(self) -> Solution:
+        """The states there, and how well they are known."""
+        return self.minimum.solution
 
     def log_density(self, prior: Prior) -> float:
         """Return the logarithm of the posterior density of theta, but for a constant."""
-        return log_evidence(self.problem, self.solution.states) + prior.log_density(self.theta)
+        return self.minimum.log_evidence + prior.log_density(self.theta)
 
 
 def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
@@ -122,7 +127,8 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
     last: FloatArray = np.zeros(len(theta))
     for iteration in range(_ITERATIONS):
         problem = components.problem_at(theta)
-        solution = solve_batch(problem, begin=states, most=_DESCENT)
+        minimum = descended(problem, begin=states, most=_DESCENT)
+        solution = minimum.solution
         states = solution.states
         score = components.score(theta, problem, solution)
         sigma = 1 / np.sqrt(np.diag(score.information) + prior.weight(theta))
@@ -130,7 +136,7 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
         enough = np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)
         is_minimum = solution.converged or abs(solution.cost - cost) < _SAME_COST
         if is_minimum and (np.abs(step) < np.where(iteration < _PATIENCE, enough, _NEARLY)).all():
-            return NoisePosterior(components, theta, sigma, problem, solution)
+            return NoisePosterior(components, theta, sigma, problem, minimum)
         # Noise and states may undo each other's changes: a component that turns goes half as far.
         damping = np.where(step * last < 0.0, damping / 2, np.minimum(2 * damping, 1.0))
         last, cost = step, solution.cost
@@ -150,7 +156,7 @@ def _begin(components: NoiseComponents, theta: FloatArray) -> tuple[FloatArray, 
         rows += int(problem.phase.freedom.sum())
     states = problem.start
     for _ in range(_RAISES):
-        solution = solve_batch(components.problem_at(theta), most=_DESCENT)
+        solution = descended(components.problem_at(theta), most=_DESCENT).solution
         states = solution.states
         if solution.cost < _MISFIT * rows:
             break

@@ -16,7 +16,7 @@ from fgnav.graph.types.states import States
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrappedMotion:
-    """A motion that differs from ``motion`` in its residuals alone; solved without GTSAM."""
+    """A motion that differs from ``motion`` in its residuals alone; linearised alone."""
 
     motion: Motion
 
@@ -66,6 +66,6 @@ class RescaledMeasurement(OfAnother):
         return -float(self.freedom[which] @ np.log(self.factors[which]))
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401, ARG002  # GTSAM's
-        """Raise TypeError: hyperparameters are identified without GTSAM."""
-        message = "noise is identified by the chain: rescaled measurements are no GTSAM factors"
+        """Raise TypeError: noise is identified by linear factors alone."""
+        message = "rescaled measurements are linearised, and no factors of a nonlinear graph"
         raise TypeError(message)

@@ -31,7 +31,6 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import MANY, OnDemand
 from fgnav.kernels.compiled import kernel
-from fgnav.solve.chain.arcs_kernel import lead_on
 
 CODE = "code"
 PHASE = "phase"
@@ -43,6 +42,7 @@ _INSISTS = 2.0  # log-likelihood ratio of two sigmas: less leaves the nominal
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
 _ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
+_NOTHING = 1e-13  # of a diagonal: less than that is rounding
 _NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
 
 
@@ -183,10 +183,7 @@ def _filtered(
             after[b : b + q * new].reshape((q, new)),
             right[c : c + q],
         )
-        order = np.empty(size + 1, np.int64)
-        for i in range(size + 1):
-            order[i] = i
-        is_known, joint = lead_on(information, order, size, rows, weight[c : c + q])
+        is_known, joint = _next_block(information, size, rows, weight[c : c + q])
         if not is_known:
             return np.zeros((1, 1))
         for i in range(size):
@@ -197,6 +194,67 @@ def _filtered(
                 information[i, j] = joint[size + i, size + j] + measured[d + i * m + j]
         a, b, c, d, e = a + q * old, b + q * new, c + q, d + m * m, e + size
     return information
+
+
+@kernel
+def _next_block(
+    information: FloatArray,
+    size: int,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+    weight: FloatArray,
+) -> tuple[bool, FloatArray]:
+    """Return whether a block's A is known, and the information of A and the next, A eliminated.
+
+    Parameters
+    ----------
+    information : ndarray, shape (size + 1, size + 1)
+        Of A and the right-hand side, upper half.
+    size : int
+        Dimensions of A; ``before`` may have no column at all: then nothing leads on from A.
+    rows : tuple of ndarray, shapes (q, size or 0), (q, size'), (q,)
+        ``before``, ``after`` and ``right`` of the next ``ArcBlock``.
+    weight : ndarray, shape (q,)
+        Of their squares.
+    """
+    before, after, right = rows
+    new = after.shape[1]
+    n = size + new + 1
+    joint, row = np.zeros((n, n)), np.zeros(n)
+    for i in range(size):
+        for j in range(i, size):
+            joint[i, j] = information[i, j]
+        joint[i, n - 1] = information[i, size]
+    joint[n - 1, n - 1] = information[size, size]
+    for k in range(len(right)):
+        for i in range(before.shape[1]):
+            row[i] = -before[k, i]
+        for i in range(new):
+            row[size + i] = after[k, i]
+        row[n - 1] = right[k]
+        for i in range(n):
+            scale = weight[k] * row[i]
+            if scale != 0.0:
+                for j in range(i, n):
+                    joint[i, j] += scale * row[j]
+    return _eliminate(joint, size), joint
+
+
+@kernel
+def _eliminate(joint: FloatArray, size: int) -> bool:
+    """Turn the first rows into those of the Cholesky factor; return whether they have digits."""
+    n, whole = len(joint), np.diag(joint).copy()
+    for k in range(size):
+        if not joint[k, k] > _NOTHING * whole[k]:
+            return False
+        scale = 1.0 / np.sqrt(joint[k, k])
+        for j in range(k, n):
+            joint[k, j] *= scale
+        for i in range(k + 1, n):
+            factor = joint[k, i]
+            if factor != 0.0:
+                for j in range(i, n):
+                    joint[i, j] -= factor * joint[k, j]
+    return True
 
 
 def _kinds(block: ArcBlock) -> IntArray:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import NoSolutionError
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.states import AUX
@@ -16,7 +16,6 @@ _AUX_PARTS = {
     6: ("gyroscope bias",),
     12: ("angular rate", "angular acceleration", "angular jerk"),
 }
-_UNKNOWN = (np.pi, 1e3, 1e3, 1.0)  # rad, m, m/s, m/s2, then rad/s: as good as nothing
 _FIRST_COLUMN = {"x": 0, "v": 6, "b": AUX, "m": AUX}  # of a keyframe's variables
 _CONSTANT, _ARCS = keys.letter(keys.constant(0)), keys.letter(keys.arcs(0))
 
@@ -61,30 +60,3 @@ def open_constant(column: int, constants: Constants) -> NoSolutionError:
         return NoSolutionError("ambiguities of phase: the data do not determine them")
     part = constants.parts[int(np.searchsorted(ends, column, side="right"))]
     return NoSolutionError(f"{part.name}: the data do not determine it")
-
-
-def weakest_state(
-    forward: FloatArray, width: int, constants: Constants, t_s: float
-) -> NoSolutionError:
-    """Return the error of a keyframe that the data leave open, by its forward information.
-
-    Parameters
-    ----------
-    forward : ndarray, shape (D + b + 1, D + b + 1)
-        Upper half, see ``chain.kernel``.
-    width : int
-        D.
-    constants : Constants
-    t_s : float
-    """
-    information = np.triu(forward[:-1, :-1]) + np.triu(forward[:-1, :-1], 1).T
-    if not np.isfinite(information).all():
-        return NoSolutionError(f"residuals are not finite at {t_s:.2f} s")
-    unit = np.ones(len(information))
-    unit[: 3 * len(_UNKNOWN)] = np.repeat(_UNKNOWN, 3)
-    _, vectors = np.linalg.eigh(information * np.outer(unit, unit))
-    weakest = np.abs(vectors[:, 0])
-    shares = np.linalg.norm(weakest[:width].reshape(-1, 3), axis=1)
-    if np.linalg.norm(weakest[width:]) > shares.max():
-        return open_constant(int(weakest[width:].argmax()), constants)
-    return open_state(3 * int(shares.argmax()), width, t_s)

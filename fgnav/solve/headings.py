@@ -23,7 +23,8 @@ from fgnav.geometry.rotations import exp, wrap
 from fgnav.graph.types.problem import AttitudePrior, Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
-from fgnav.solve.minima import Minimum, mixture
+from fgnav.solve.descent import Minimum
+from fgnav.solve.minima import mixture
 from fgnav.types.estimate import open_angle_variance_rad2
 
 # The cost has the period of a turn and next to no higher harmonics than the second: eight integrate

@@ -15,9 +15,8 @@ References
    section 1.4.16: moments of a Gaussian mixture.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,19 +24,12 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve import chain
+from fgnav.solve.descent import Minimum
 from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.solve.own_factors import Own
 
 BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 _APART_SIGMAS = 1.0  # searches that end closer than this have the same minimum
-
-
-class Minimum(NamedTuple):
-    """Where a search ended."""
-
-    solution: Solution
-    log_evidence: float  # but for a constant of the problem
 
 
 def begins(problem: SmoothingProblem, own: Sequence[Own] = ()) -> list[States]:
@@ -53,28 +45,6 @@ def begins(problem: SmoothingProblem, own: Sequence[Own] = ()) -> list[States]:
         return [solve_fixed_lag(problem, BEGIN_LAG_S, own=own).states, problem.start]
     except NoSolutionError:  # what came until then left a state open
         return [problem.start]
-
-
-def minima(problem: SmoothingProblem, starts: Iterable[States]) -> list[Minimum]:
-    """Return the distinct minima that the chain's descents end in, the likeliest first.
-
-    Those that did not converge count only where none did.
-
-    Raises
-    ------
-    NoSolutionError
-        If the data leave a state open, by name, wherever a search begins.
-    """
-    ends, failure = [], NoSolutionError("state: there is nowhere to begin")
-    for states in starts:
-        try:
-            solution = chain.solve_batch(problem, begin=states)
-            ends.append(Minimum(solution, chain.log_evidence(problem, solution.states)))
-        except NoSolutionError as error:
-            failure = error
-    if not ends:
-        raise failure
-    return distinct(ends)
 
 
 def distinct(ends: Sequence[Minimum]) -> list[Minimum]:

@@ -16,12 +16,12 @@ from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
-from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
+from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.smoother import LAG_S, SCENARIO, Given
 from tests.neural import graphs
-from tests.solve.chain.linear_flight import random_problem
+from tests.solve.linear_flight import random_problem
 
 FACTORS = {  # what it measures, the share of its errors that lasts, and whose factor that is
     "heading": ("heading", 0.0, "in Python"),
@@ -78,7 +78,7 @@ def _training() -> dict:
     whitened = np.concatenate([residual[:, :, None], jacobian, shared], axis=2)
     whitened = np.linalg.solve(root, whitened)
     works = [
-        lambda: flight._solved(row, whitened),  # what is measured
+        lambda: flight._posterior(row, whitened),  # what is measured
         lambda: flight.likelihood(*given, judged),
     ]
     for work in works:
@@ -86,7 +86,7 @@ def _training() -> dict:
     alone, both = _in_turns(works)
     note = (
         f"value and gradient by adjoint, {KEYFRAMES} keyframes of 21 states, 3 constants, a "
-        "measurement every tenth; in solves of the chain with covariances; peer: at most"
+        "measurement every tenth; in solves of the batch with covariances; peer: at most"
     )
     return _row("through_smoother", both / alone, MOST_SOLVES, "solves", note)
 

@@ -23,7 +23,7 @@ References
    elimination, Manuscripta Geodaetica 11, 1986.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -34,8 +34,10 @@ from numpy.typing import NDArray
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
+from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.on_demand import OnDemand
+from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
@@ -56,16 +58,6 @@ class PhaseRows(NamedTuple):
         rows[:, :3], rows[:, 3:-1], rows[:, -1] = self
         _eliminate_place(rows)
         return rows[3:, 3:-1], rows[3:, -1]
-
-
-class StackedRows(NamedTuple):
-    """Rows of j epochs, one after another."""
-
-    epoch: IntArray  # (j,), increasing
-    shape: IntArray  # (j, 2), m and d of each
-    G: FloatArray  # (sum of m, 3)
-    H: FloatArray  # (sum of m d,)
-    z: FloatArray  # (sum of m,)
 
 
 class ArcBlock(NamedTuple):
@@ -142,22 +134,6 @@ class AntennaPhase:
         i = int(np.searchsorted(self.row, row))
         return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
 
-    def stacked(self, keyframes: IntArray) -> StackedRows | None:
-        """Return rows of those of some keyframes, (n,), increasing, that have any; None of none."""
-        place = self.row.searchsorted(keyframes)
-        place = place[place < len(self.row)]
-        epoch = place[self.row[place] == keyframes[: len(place)]]
-        made = [self.rows[i] for i in epoch.tolist()]
-        if not made:
-            return None
-        return StackedRows(
-            epoch,
-            np.array([one.H.shape for one in made], dtype=np.int64),
-            np.concatenate([one.G for one in made]),
-            np.concatenate([one.H.ravel() for one in made]),
-            np.concatenate([one.z for one in made]),
-        )
-
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""
         one, arm_b_m = self.rows[i], self.arm_b_m[i]
@@ -182,21 +158,54 @@ class AntennaPhase:
 
         return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
 
-    def entering(self, block: int) -> gtsam.NonlinearFactor:
-        """Return what leads to the A of a block: from that before, or from nothing."""
+    def linear(
+        self,
+        i: int,
+        key: int,
+        at: States,
+        place: int,
+        constants: Constants,
+        arcs: Mapping[int, FloatArray] | None = None,
+    ) -> gtsam.JacobianFactor:
+        """Return the phases of epoch i linearised, of keyframe ``key`` that is row ``place``.
+
+        Where A is by ``arcs``, else at zero; ``constants`` are those of the states.
+        """
+        one, of_arcs = self.rows[i], keys.arcs(int(self.block[i]))
+        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], self.lever_column
+        pose[:3, :3], pose[:3, 3] = at.R_nb[place], at.p_n_m[place]
+        if lever >= 0:
+            arm_b_m = arm_b_m + at.constants[lever : lever + 3]
+        A = np.zeros(one.H.shape[1]) if arcs is None else arcs[of_arcs]
+        value, by_pose, by_lever = residual(pose, A, arm_b_m, *one)
+        terms = [(keys.pose(key), by_pose), (of_arcs, one.H)]
+        if lever >= 0:
+            terms.append((keys.constant(constants.first.index(lever)), by_lever))
+        return linear_factor(terms, -value)
+
+    def leading(
+        self, block: int, arcs: Mapping[int, FloatArray] | None = None
+    ) -> gtsam.JacobianFactor:
+        """Return what leads to the A of a block: from that before, or from nothing.
+
+        Linearised where both are by ``arcs``, else at zero.
+        """
         one = self.blocks[block - self.first_block]
-        point = gtsam.Values()
         terms = [(keys.arcs(block), one.after)]
         if one.before.shape[1]:
             terms.append((keys.arcs(block - 1), -one.before))
-        for key, matrix in terms:
-            point.insert(key, np.zeros(matrix.shape[1]))
-        unit, (key, after) = gtsam.noiseModel.Unit.Create(len(one.right)), terms[0]
-        if len(terms) == 1:
-            linear = gtsam.JacobianFactor(key, after, one.right, unit)
-        else:
-            linear = gtsam.JacobianFactor(key, after, *terms[1], one.right, unit)
-        return gtsam.LinearContainerFactor(linear, point)
+        if arcs is None:
+            return linear_factor(terms, one.right)
+        along = [A @ arcs[key] for key, A in terms]
+        return linear_factor(terms, one.right - np.sum(along, axis=0))
+
+    def entering(self, block: int) -> gtsam.NonlinearFactor:
+        """Return the same as a factor of GTSAM's nonlinear graphs."""
+        one, point = self.blocks[block - self.first_block], gtsam.Values()
+        point.insert(keys.arcs(block), np.zeros(one.size))
+        if one.before.shape[1]:
+            point.insert(keys.arcs(block - 1), np.zeros(one.before.shape[1]))
+        return gtsam.LinearContainerFactor(self.leading(block), point)
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""

@@ -22,7 +22,7 @@ class Linearised(NamedTuple):
 class Measurement(Protocol):
     """All measurements of one sensor in a flight, k of them, each of one keyframe.
 
-    The one statement of the sensor's model: GTSAM's factors, the compiled chain, innovations and
+    The one statement of the sensor's model: GTSAM's factors, linear factors, innovations and
     reports read it.
     """
 

@@ -22,7 +22,7 @@ from fgnav.types.estimate import open_angle_variance_rad2
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import OwnFactor
-    from fgnav.solve.minima import Minimum
+    from fgnav.solve.descent import Minimum
 
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
@@ -154,51 +154,27 @@ def _open(prepared: PreparedFlight) -> Opening | None:
 
 
 def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> Solution:
-    problem = prepared.problem
+    from fgnav.solve.batch import minimum, solve_batch  # noqa: PLC0415  # lazy: gtsam
+
     if without_attitudes(prepared):
-        # The chain's descent crosses the curved valleys of such flights; GTSAM's stops in them.
-        from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-
-        solution = chain.solve_batch(problem)
-        return _with_custom(problem, custom, solution) if custom else solution
-    from fgnav.solve.batch import solve_batch  # noqa: PLC0415  # lazy: gtsam
-
-    return solve_batch(problem, own=custom)
-
-
-def _with_custom(
-    problem: SmoothingProblem, custom: "tuple[OwnFactor, ...]", begin: Solution
-) -> Solution:
-    """Return the minimum with custom factors, which the chain does not know, next to its own."""
-    from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
-
-    return minimum(problem, custom, begin.states).solution
+        return minimum(prepared.problem, custom).solution
+    return solve_batch(prepared.problem, own=custom)
 
 
 def _about_headings(
     problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]"
 ) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
-    from fgnav.solve import chain  # noqa: PLC0415  # lazy: its kernels
-    from fgnav.solve.headings import over_headings  # noqa: PLC0415  # lazy: the chain
-    from fgnav.solve.minima import Minimum  # noqa: PLC0415
+    from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
+    from fgnav.solve.headings import over_headings  # noqa: PLC0415
 
     def searched(conditioned: SmoothingProblem) -> "Minimum":
-        if custom and problem.motion.aux == _GYROSCOPE_AUX:
-            from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
-
-            return minimum(conditioned, custom)
-        # The chain knows no custom factors; without a gyroscope GTSAM would take a minute.
-        solution = chain.solve_batch(conditioned, most=_ROUGHLY)
-        return Minimum(solution, chain.log_evidence(conditioned, solution.states))
+        return minimum(conditioned, custom, most=_ROUGHLY)
 
     headings = over_headings(problem, opening, searched)
     begin, is_observable = headings.ends[0].solution, headings.is_observable
     likeliest = problem if is_observable else headings.problems[0]
-    if custom:
-        solution = _with_custom(likeliest, custom, begin)
-    else:
-        solution = chain.solve_batch(likeliest, begin=begin.states)
+    solution = minimum(likeliest, custom, begin.states).solution
     if is_observable:
         return _End(solution, likeliest)
     mixed = headings.mixed(solution)

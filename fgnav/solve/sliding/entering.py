@@ -1,8 +1,8 @@
 """What enters GTSAM's window with each keyframe, kept until it leaves: a window may begin anew.
 
 What GTSAM has marginalised stays linear where it was, and no variable that it speaks of is ever
-linearised anew. Where the oldest keyframe must be, the window begins again, with the chain's
-marginal for a prior, which ``LinearWindow.relinearise`` has led there.
+linearised anew. Where the oldest keyframe must be, the window begins again: its prior is the
+marginal that ``LinearWindow.relinearise`` has led there.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,6 @@ from typing import NamedTuple
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import (
     KeyframeMeasurements,
@@ -19,17 +18,17 @@ from fgnav.graph.build import (
     insert_constants,
     insert_keyframe,
     keyframe_priors,
-    linear_factor,
 )
 from fgnav.graph.types.problem import SmoothingProblem
-from fgnav.graph.types.states import AUX, POSITION, VELOCITY, States
-from fgnav.solve.chain.linear_window import LinearWindow
+from fgnav.graph.types.states import States
 from fgnav.solve.sliding.incremental import IncrementalSmoother
+from fgnav.solve.sliding.linear_window import LinearWindow
 
 
 class _Keyframe(NamedTuple):
     """What entered with a keyframe."""
 
+    before: list[gtsam.NonlinearFactor]  # of what led to it, or was known before
     factors: list[gtsam.NonlinearFactor]
     block: int  # of its arcs; negative before any
     begins: gtsam.NonlinearFactor | None  # what leads to its arcs, where they begin
@@ -44,6 +43,8 @@ class Entering:
     values : gtsam.Values
     layout : Layout
         Of the last keyframe's problem.
+    block : int
+        Newest of arcs; negative before any.
     """
 
     layout: Layout
@@ -52,7 +53,7 @@ class Entering:
         self.graph, self.values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         self._keyframes: list[_Keyframe] = []
         self._zero = gtsam.Values()  # biases of them all, zero
-        self._block = -1  # newest of arcs
+        self.block = -1
         self._problem: SmoothingProblem | None = None
         self._measured: KeyframeMeasurements
 
@@ -84,18 +85,17 @@ class Entering:
         k : int
         """
         at, before = states
-        factors: list[gtsam.NonlinearFactor] = []
         if before is None:
             insert_constants(self.values, self.layout, problem.constants.start)
-            factors += (*keyframe_priors(problem, k), *constant_priors(problem.constants))
+            known = (*keyframe_priors(problem, k), *constant_priors(problem.constants))
         else:
-            factors += problem.motion.factors(row - 1, k - 1, k, before)
+            known = problem.motion.factors(row - 1, k - 1, k, before)
         insert_keyframe(self.values, self.layout, k, at)
         if self.layout.gyroscope:
             self._zero.insert(self.layout.keyframe(k)[2], gtsam.imuBias.ConstantBias())
-        factors += self._measured.factors(row, k)
         phases, begins = self._phases(problem, row, smoother, k)
-        self._keyframes.append(_Keyframe([*factors, *phases], self._block, begins))
+        measured = [*self._measured.factors(row, k), *phases]
+        self._keyframes.append(_Keyframe([*known], measured, self.block, begins))
         self._add(self._keyframes[-1])
 
     def own(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
@@ -115,30 +115,21 @@ class Entering:
             self._zero.erase(self.layout.keyframe(k)[2])
 
     def restarted(self, linear: LinearWindow) -> IncrementalSmoother:
-        """Let all that is in the window enter again, about where the chain is by now.
-
-        Raises
-        ------
-        NoSolutionError
-            If squares have not digits enough for what has been marginalised.
-        """
-        layout, entered, arcs_row = self.layout, list(self._keyframes), 0
+        """Let all that is in the window enter again, about where it is linearised by now."""
+        layout, entered = self.layout, list(self._keyframes)
         if linear.oldest:
-            arcs_row = linear.row_of_arcs
-            marginal = marginal_factor(linear, layout, entered[arcs_row].block)
-            entered[arcs_row] = entered[arcs_row]._replace(begins=None)
-            entered[0] = _Keyframe([marginal], entered[arcs_row].block, None)
+            entered[0] = entered[0]._replace(before=[linear.marginal()], begins=None)
         self.taken()
         self.values = self._at_biases(linear)
         smoother = IncrementalSmoother(layout, linear.oldest)
-        insert_constants(self.values, layout, linear.constants)
+        insert_constants(self.values, layout, linear.states.constants)
         block = -1
         for row, one in enumerate(entered):
             k = linear.oldest + row
             insert_keyframe(self.values, layout, k, linear.states, row, biased=layout.gyroscope)
             if one.block != block:
                 block = one.block
-                self._begin(block, linear.arcs_size(max(row, arcs_row)), smoother, k)
+                self._begin(block, linear.arcs_size(row), smoother, k)
             self._add(one)
         return smoother
 
@@ -153,7 +144,7 @@ class Entering:
 
     def _add(self, one: _Keyframe) -> None:
         begins = () if one.begins is None else (one.begins,)
-        for factor in (*one.factors, *begins):
+        for factor in (*one.before, *one.factors, *begins):
             self.graph.add(factor)
 
     def _phases(
@@ -167,8 +158,8 @@ class Entering:
         if i == len(phase.row) or phase.row[i] != row:
             return [], None
         block = int(phase.block[i])
-        if block > self._block:
-            self._block = block
+        if block > self.block:
+            self.block = block
             self._begin(block, phase.blocks[block - phase.first_block].size, smoother, k)
             begins = phase.entering(block)
         return [phase.factor(i, k)], begins
@@ -176,31 +167,3 @@ class Entering:
     def _begin(self, block: int, size: int, smoother: IncrementalSmoother, k: int) -> None:
         self.values.insert(keys.arcs(block), np.zeros(size))
         smoother.enter_arcs(keys.arcs(block), size, k)
-
-
-def marginal_factor(linear: LinearWindow, layout: Layout, block: int) -> gtsam.NonlinearFactor:
-    """Return what a window knows of its oldest keyframe, constants and arcs by that keyframe.
-
-    Raises
-    ------
-    NoSolutionError
-        If squares have not digits enough.
-    """
-    R, right = linear.marginal()
-    pose, velocity, aux = layout.keyframe(linear.oldest)
-    D, point = layout.width, gtsam.Values()
-    insert_keyframe(point, layout, linear.oldest, linear.states)
-    insert_constants(point, layout, linear.constants)
-    terms: list[tuple[int, FloatArray]] = [
-        (pose, R[:, : POSITION.stop]),
-        (velocity, R[:, VELOCITY]),
-        (aux, R[:, AUX:D]),
-    ]
-    column = D
-    for key, part in zip(layout.constant_keys, layout.constants.parts, strict=True):
-        terms.append((key, R[:, column : column + part.size]))
-        column += part.size
-    if block >= 0:
-        terms.append((keys.arcs(block), R[:, column:]))
-        point.insert(keys.arcs(block), np.zeros(R.shape[1] - column))
-    return gtsam.LinearContainerFactor(linear_factor(terms, right), point)

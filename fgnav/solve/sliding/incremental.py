@@ -15,7 +15,7 @@ What GTSAM 4.3.0 asks of its callers, each measured:
 - After an exception the smoother is of no more use.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import SupportsFloat, SupportsIndex, SupportsInt
 
 import gtsam
@@ -24,13 +24,10 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
-from fgnav.graph.types.states import AUX, ROTATION
-from fgnav.solve.failures import open_state
-from fgnav.solve.marginals import Marginals
+from fgnav.graph.types.states import AUX
 
 _WILDFIRE = 1e-5  # m, rad
 _OPEN_END = 1 << 60  # a keyframe that never comes
-_OPEN = 1e12  # variance, m2 or rad2, where the weakest prior has 1e6
 
 
 class IncrementalSmoother:
@@ -46,6 +43,7 @@ class IncrementalSmoother:
     ----------
     oldest, end : int
         Keyframes ``oldest`` to ``end - 1`` are in it.
+    isam2 : gtsam.ISAM2
     is_chain : bool
         Whether no factor has yet joined other keyframes than neighbours.
     """
@@ -58,7 +56,7 @@ class IncrementalSmoother:
         parameters.enableRelinearization = False  # but where an update forces it
         parameters.setRelinearizeThreshold(0.0)
         self._smoother = gtsam.IncrementalFixedLagSmoother(np.inf, parameters)
-        self._isam, self._layout = self._smoother.getISAM2(), layout
+        self.isam2, self._layout = self._smoother.getISAM2(), layout
         self._constants = layout.constant_keys
         self._variables: set[int] = set()
         self._arcs: dict[int, tuple[int, int]] = {}  # size, and the last keyframe that needs it
@@ -97,7 +95,7 @@ class IncrementalSmoother:
                 moved = {key for k in relinearised for key in self._layout.keyframe(k)}
                 parameters.force_relinearize = True
                 parameters.noRelinKeys = _key_list(self._variables - moved)
-            self._isam.update(graph, values, parameters)
+            self.isam2.update(graph, values, parameters)
         if self._leaving:
             self._leave()
 
@@ -112,7 +110,7 @@ class IncrementalSmoother:
         last = 3 * (self.end - base) - 1
         second = max(self.end - last + 1, self.oldest)
         rank = {key: k for k in range(second, self.end) for key in self._layout.keyframe(k)}
-        # Arcs as in the chain: with their last keyframe, while they go on beside the constants.
+        # Arcs with their last keyframe, while they go on beside the constants.
         rank |= {key: min(k, self.end) for key, (_, k) in self._arcs.items()}
         rank |= dict.fromkeys(self._constants, self.end)
         groups, parameters = gtsam.KeyGroupMap(), gtsam.ISAM2UpdateParams()
@@ -153,7 +151,7 @@ class IncrementalSmoother:
         ``R dp``, whatever the rotation.
         """
         n, aux = self.end - self.oldest, self._layout.width - AUX
-        delta, b = self._isam.getDelta().vector(), self._layout.constants.width
+        delta, b = self.isam2.getDelta().vector(), self._layout.constants.width
         # In the order of letters: a before b and c, then m, v and x.
         delta = delta[sum(size for size, _ in self._arcs.values()) :]
         first = n * aux if self._layout.gyroscope else 0
@@ -164,47 +162,11 @@ class IncrementalSmoother:
         steps[:, AUX:] = own.reshape(n, aux)
         return steps, delta[first : first + b]
 
-    def marginals(self, numbers: range, t_s: Callable[[int], float]) -> Marginals:
-        """Return covariances of keyframes, and of each with the next.
-
-        Raises
-        ------
-        NoSolutionError
-            Naming the state that the data leave open: QR does not fail of it.
-        """
-        layout, m = self._layout, len(numbers)
-        D, b = layout.width, layout.constants.width
-        marginals = Marginals(
-            np.empty((m, D, D)), np.zeros((m, D, D)), np.empty((b, b)), np.empty((m, D, b))
-        )
-        for i, k in enumerate(numbers):
-            after = layout.keyframe(k + 1) if k + 1 < self.end else ()
-            P = self._joint([*layout.keyframe(k), *after, *self._constants])
-            variances = np.diag(P)[:D]
-            is_open = ~(np.isfinite(variances) & (variances < _OPEN))
-            if is_open.any():
-                raise open_state(int(is_open.argmax()), D, t_s(k))
-            marginals.covariance[i], marginals.constant_cross[i] = P[:D, :D], P[:D, len(P) - b :]
-            marginals.constant[:] = P[len(P) - b :, len(P) - b :]
-            if after:
-                marginals.cross[i] = P[:D, D : 2 * D]
-        return marginals
-
-    def turn_sigma_rad(self, k: int) -> float:
-        """Return the 1-sigma of a keyframe's rotation, all axes."""
-        rotation = self._joint([self._layout.keyframe(k)[0]])[ROTATION, ROTATION]
-        return float(np.sqrt(np.trace(rotation)))
-
-    def _joint(self, variables: list[int]) -> FloatArray:
-        """Return the joint covariance of some variables, one after another."""
-        joint: FloatArray = self._isam.jointMarginalCovariance(variables).fullMatrix()
-        return joint
-
     def is_fixed(self, k: int) -> bool:
         """Return whether what has been marginalised knows a keyframe where it is linearised."""
         if self.is_chain:
             return k == self.oldest and k > 0
-        return bool(self._isam.getFixedVariables().count(self._layout.keyframe(k)[0]))
+        return bool(self.isam2.getFixedVariables().count(self._layout.keyframe(k)[0]))
 
 
 def _key_list(variables: Iterable[int]) -> gtsam.KeyList:

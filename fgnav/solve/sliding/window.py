@@ -1,10 +1,7 @@
 """A sliding window over a flight: keyframes are smoothed by what comes within a lag after them.
 
-GTSAM's incremental smoother estimates. The newest keyframe's covariance is ISAM2's, for it stands
-at the root of its tree. Those of others are of the same factors, linearised at the same states, by
-the chain's elimination: ISAM2 seeks the way from each keyframe to the constants anew, 0.4 ms and
-more a keyframe, where that takes 0.03. Factors of one's own that join keyframes are in no chain:
-beside them ISAM2 is asked of all.
+GTSAM's incremental smoother estimates; covariances are of the same factors, linearised at the same
+states, by ``Elimination``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,11 +15,12 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import ROTATION, States
-from fgnav.solve.chain.linear_window import LinearWindow
 from fgnav.solve.failures import in_words
+from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.departed import Departed, departed
 from fgnav.solve.sliding.entering import Entering
 from fgnav.solve.sliding.incremental import IncrementalSmoother
+from fgnav.solve.sliding.linear_window import LinearWindow
 from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
@@ -66,9 +64,7 @@ class FixedLag:
         self._steps: FloatArray = np.empty((0, 0))
         self._constant_steps: FloatArray = np.empty(0)
         self._entering = Entering()
-        self._t_s: list[float] = []  # of all keyframes so far
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
-        self._follows = True  # whether the chain knows all that ISAM2 does
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
         self._updates = 0
@@ -84,6 +80,11 @@ class FixedLag:
     def updates(self) -> int:
         """Updates of GTSAM's smoother so far."""
         return self._updates
+
+    @property
+    def isam2(self) -> gtsam.ISAM2:
+        """The tree of GTSAM's smoother."""
+        return self._alive.isam2
 
     @property
     def oldest(self) -> int:
@@ -160,8 +161,7 @@ class FixedLag:
             before = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
             self._newest = self._start(problem, row)
         self._entering.keyframe(problem, row, (self._newest, before), self._alive, k)
-        self._linear.append(problem, row, self._newest)
-        self._t_s.append(float(problem.t_s[row]))
+        self._linear.append(problem, row, self._newest, self._entering.block)
         if problem.attitude_known[row]:
             self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
@@ -169,13 +169,13 @@ class FixedLag:
     def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
         touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
-        if len(touched) > 1:
-            self._alive.is_chain = self._follows = False
+        numbers = sorted(touched) or [len(self._t_s) - 1]
+        self._linear.add_custom(numbers, factor)
+        if len(numbers) > 1:
+            self._alive.is_chain = False
             self._entering.own(factor, None)
         else:
-            number = max(touched, default=len(self._t_s) - 1)
-            self._linear.add_unary(number, factor)
-            self._entering.own(factor, number - self._linear.oldest)
+            self._entering.own(factor, numbers[0] - self._linear.oldest)
 
     def _start(self, problem: SmoothingProblem, row: int) -> States:
         if self._keep:
@@ -204,7 +204,7 @@ class FixedLag:
             self._t_s[oldest] - self._t_s[linear.oldest] < BLOCK_S - _ROUNDING_S
         ):
             return False
-        self._solve_linear()
+        self._linear.solve()
         if not self._may_leave(oldest):
             return False
         with self._failing():
@@ -215,21 +215,14 @@ class FixedLag:
         linear.forget(oldest - linear.oldest)
         return True
 
-    def _solve_linear(self) -> None:
-        """Let the chain follow, unless it loses its digits: it squares what ISAM2 has by QR."""
-        if self._follows:
-            try:
-                self._linear.solve()
-            except NoSolutionError:
-                self._follows = False
-
     def _may_leave(self, oldest: int) -> bool:
         """Return whether the attitude is known where the window would begin."""
         if self._keep:
             return True
         sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
         if sigma_rad is None:
-            sigma_rad = self._alive.turn_sigma_rad(oldest)
+            i = oldest - self._linear.oldest
+            sigma_rad = _turn_sigma_rad(self._linear.marginals(i, i + 1))
         span_s = self._t_s[-1] - self._t_s[self._linear.oldest]
         return may_leave(sigma_rad, span_s)
 
@@ -242,12 +235,14 @@ class FixedLag:
         entering = self._entering
         if len(rows):
             share = share if self._is_free else 1.0  # GTSAM itself goes the whole way
-            steps, none = share * self._steps[rows], np.zeros(len(linear.constants))
+            steps, none = share * self._steps[rows], np.zeros(len(linear.states.constants))
             at = linear.states.at(rows)
             linear.relinearise(rows, retracted(at, steps, none, by_pose3=True))
             is_led = rows[0] == 0 and (linear.oldest > 0 or share < 1.0)
-            if is_led and self._is_free and self._restarted():
-                smoother, rows = self._alive, rows[:0]
+            if is_led and self._is_free:
+                linear.solve()
+                self._smoother = smoother = self._entering.restarted(linear)
+                rows = rows[:0]
         with self._failing():
             smoother.update(
                 entering.graph, entering.values, len(self._t_s), (linear.oldest + rows).tolist()
@@ -255,15 +250,6 @@ class FixedLag:
             self._steps, self._constant_steps = smoother.steps()
         entering.taken()
         self._updates += 1
-
-    def _restarted(self) -> bool:
-        """Begin anew about where the chain is; return whether it has digits enough for that."""
-        try:
-            self._smoother = self._entering.restarted(self._linear)
-        except NoSolutionError:
-            self._follows = False
-            return False
-        return True
 
     @contextmanager
     def _failing(self) -> Iterator[None]:
@@ -277,6 +263,11 @@ class FixedLag:
         except Exception:  # of a factor of one's own: as it is
             self._smoother = None
             raise
+
+    @property
+    def _t_s(self) -> list[float]:
+        """Of all keyframes so far."""
+        return self._linear.t_s
 
     @property
     def _layout(self) -> Layout:
@@ -313,7 +304,7 @@ class FixedLag:
     @property
     def _is_free(self) -> bool:
         """Return whether the oldest keyframe, too, may be linearised anew."""
-        return self._layout.gyroscope and self._follows and self._alive.is_chain
+        return self._layout.gyroscope and self._alive.is_chain
 
     def _estimated(self, numbers: range) -> States:
         """Return the present estimates of keyframes and constants."""
@@ -323,14 +314,9 @@ class FixedLag:
 
     def _estimates(self, numbers: range) -> Departed:
         first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
-        self._solve_linear()
-        if self._follows:
-            marginals = self._linear.marginals(first, end)
-        else:
-            with self._failing():
-                marginals = self._alive.marginals(numbers, self._t_s.__getitem__)
-        last = np.trace(marginals.covariance[-1, ROTATION, ROTATION])
-        self._turn_sigma_rad[numbers[-1]] = float(np.sqrt(last))
+        self._linear.solve()
+        marginals = self._linear.marginals(first, end)
+        self._turn_sigma_rad[numbers[-1]] = _turn_sigma_rad(marginals)
         return departed(
             np.array(self._t_s[numbers.start : numbers.stop]),
             self._estimated(numbers),
@@ -339,3 +325,8 @@ class FixedLag:
             keep_linearisation=self._keep,
             updates=self._updates,
         )
+
+
+def _turn_sigma_rad(marginals: Marginals) -> float:
+    """Return the 1-sigma of the last keyframe's rotation, all axes."""
+    return float(np.sqrt(np.trace(marginals.covariance[-1, ROTATION, ROTATION])))

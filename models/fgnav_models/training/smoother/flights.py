@@ -12,7 +12,7 @@ from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch
 from fgnav.methods.smoothing.own_sources import own_factors
 from fgnav.methods.smoothing.solving import at_once
-from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
+from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav.types.flight import Flight
 
 # An attitude that far from the truth is a minimum of its own, or an open one: the same half radian

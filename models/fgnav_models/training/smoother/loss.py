@@ -5,7 +5,7 @@
     loss.backward()
 
 The derivatives by residuals, covariances and Jacobians by constants are exact for the linearised
-flight (``fgnav.solve.chain.sensitivity``), one adjoint pass each time; torch goes on from there.
+flight (``fgnav.solve.adjoint``), one adjoint pass each time; torch goes on from there.
 """
 
 from typing import Any

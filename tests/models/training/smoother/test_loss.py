@@ -2,19 +2,20 @@
 
 import dataclasses
 
+import msgspec
 import numpy as np
 import pytest
 import torch
-from fgnav_models.training.gravity.through import flown
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.gravity import LowDynamics
 from fgnav.methods.smoother import Batch
-from fgnav.solve.chain.sensitivity import Judged, LinearisedFlight
+from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav_models.training.smoother.flights import TrainingFlight, training_flight
 from fgnav_models.training.smoother.loss import negative_log_likelihood
+from fgnav_sim.data_sets.gravity import gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from tests.solve.chain.linear_flight import dense, random_problem
+from tests.solve.linear_flight import dense, random_problem
 
 N, ATTITUDE = 12, np.arange(3)
 
@@ -82,7 +83,9 @@ def test_a_network_learns_through_the_smoother_how_sure_it_is():
 
 @pytest.fixture(scope="module")
 def flight():
-    return flown(GravityWorld(), ("cruise",), 1, 5.0, [4])[0]
+    world, rng = GravityWorld(accelerometer_arm_m=(0.0, 0.0, 0.0)), np.random.default_rng(4)
+    short = msgspec.structs.replace(world.windows, flight_s=5.0)
+    return gravity_flight(msgspec.structs.replace(world, windows=short), "rocket", rng=rng)
 
 
 def test_a_flight_is_linearised_at_the_batch_and_judged_by_its_truth(flight):
@@ -90,7 +93,8 @@ def test_a_flight_is_linearised_at_the_batch_and_judged_by_its_truth(flight):
     found = training_flight(flight, method, without="gravity")
     estimate = method(flight)
     np.testing.assert_allclose(found.states.R_nb, estimate.R_nb, rtol=0, atol=1e-3)
-    assert {one.name for one in found.linearised.problem.measurements} == {"position", "velocity"}
+    names = {one.name for one in found.linearised.problem.measurements}
+    assert names == {"position", "velocity", "aerodynamic angles"}
     assert found.judged.which.tolist() == [0, 1, 2, 6, 7, 8]
     of_truth = flight.truth.v_n_mps[np.searchsorted(flight.truth.t_s, found.t_s - 1e-6)]
     moved = found.states.v_n_mps + found.judged.step[:, 3:]

@@ -1,12 +1,13 @@
+"""The minimum of random chains, against dense algebra that shares no line with it."""
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.solve.chain import batch, kernel
-from fgnav.solve.chain.batch import log_evidence, solve_batch
-from tests.solve.chain.linear_flight import dense, random_problem
+from fgnav.solve.descent import descended
+from tests.solve.linear_flight import dense, random_problem
 
 CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
 
@@ -14,7 +15,7 @@ CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
 @pytest.mark.parametrize(("aux", "b"), CASES)
 def test_gradient_of_the_dense_cost_vanishes_at_the_solution(aux, b):
     problem = random_problem(12, aux, b)
-    solution = solve_batch(problem)
+    solution = descended(problem).solution
     H, g, cost = dense(problem, solution.states)
     assert solution.converged
     # Newton's next step from there, in sigmas.
@@ -26,7 +27,7 @@ def test_gradient_of_the_dense_cost_vanishes_at_the_solution(aux, b):
 @pytest.mark.parametrize(("aux", "b"), CASES)
 def test_covariances_are_blocks_of_the_dense_inverse(aux, b):
     problem = random_problem(12, aux, b)
-    solution = solve_batch(problem)
+    solution = descended(problem).solution
     D = 9 + aux
     P = np.linalg.inv(dense(problem, solution.states)[0])
     scale = np.sqrt(np.diag(P))
@@ -48,21 +49,12 @@ def test_covariances_are_blocks_of_the_dense_inverse(aux, b):
             np.testing.assert_allclose(cross, P[own, after], rtol=0, atol=1e-3)
 
 
-def test_chunks_leave_no_seam(monkeypatch):
-    problem = random_problem(23, 6, 2)
-    whole = solve_batch(problem)
-    monkeypatch.setattr(batch, "_CHUNK", 5)
-    parts = solve_batch(problem)
-    np.testing.assert_allclose(parts.states.aux, whole.states.aux, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-8, atol=1e-12)
-
-
 def test_a_far_beginning_ends_in_the_same_minimum():
     problem = random_problem(30, 6, 2, turn_rad=0.5)
-    near = solve_batch(problem)
+    near = descended(problem).solution
     rng = np.random.default_rng(5)
     begin = problem.start.moved(0.3 * rng.normal(size=(30, 15)), np.ones(2))
-    far = solve_batch(problem, begin=begin)
+    far = descended(problem, begin=begin).solution
     assert near.converged
     assert far.converged
     assert far.cost == pytest.approx(near.cost, abs=1e-3)
@@ -70,33 +62,33 @@ def test_a_far_beginning_ends_in_the_same_minimum():
 
 def test_one_keyframe_is_solved():
     problem = random_problem(1, 12, 3)
-    solution = solve_batch(problem)
-    P = np.linalg.inv(dense(problem, solution.states)[0])
+    solution = descended(problem).solution
+    P = np.linalg.inv(dense(problem, solution.states)[0])[:21, :21]
+    scale = np.sqrt(np.outer(np.diag(P), np.diag(P)))
     assert solution.cross.shape == (0, 21, 21)
-    np.testing.assert_allclose(solution.covariance[0], P[:21, :21], rtol=1e-3, atol=1e-6)
+    np.testing.assert_allclose(solution.covariance[0] / scale, P / scale, rtol=0, atol=1e-3)
 
 
 def test_log_evidence_is_that_of_the_dense_gaussian():
     problem = random_problem(10, 12, 3)
-    states = solve_batch(problem).states
-    H, g, cost = dense(problem, states)
+    minimum = descended(problem)
+    H, g, cost = dense(problem, minimum.solution.states)
     least = cost - g @ np.linalg.solve(H, g)
     white = np.linalg.slogdet(problem.motion.W)[1].sum() + 12 * np.log(2.0)
     expected = -least / 2 - np.linalg.slogdet(H)[1] / 2 + white
-    assert log_evidence(problem, states) == pytest.approx(expected, abs=1e-6)
+    assert minimum.log_evidence == pytest.approx(expected, abs=1e-3)
 
 
 def test_a_motion_without_log_white_counts_as_constant():
     problem = random_problem(5, 6, 0)
-    states = problem.start
 
     class Silent:
         t_s, aux = problem.motion.t_s, problem.motion.aux
         linearise, prior = problem.motion.linearise, problem.motion.prior
 
-    less = log_evidence(replace(problem, motion=Silent()), states)
+    less = descended(replace(problem, motion=Silent())).log_evidence
     white = np.linalg.slogdet(problem.motion.W)[1].sum()
-    assert log_evidence(problem, states) - less == pytest.approx(white, abs=1e-9)
+    assert descended(problem).log_evidence - less == pytest.approx(white, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -116,40 +108,27 @@ def test_a_state_that_nothing_measures_is_named_with_its_time(columns, aux, name
     motion.F[4:, :, columns] = motion.F[4:, columns] = 0.0
     motion.W[4:, :, columns] = motion.W[4:, columns] = 0.0
     with pytest.raises(NoSolutionError, match=rf"{name}: the data do not determine it at 1\.25 s"):
-        solve_batch(problem)
+        descended(problem)
 
 
 def test_residuals_that_are_not_finite_are_an_error():
     problem = random_problem(8, 6, 0)
     problem.measurements[0].z[3] = np.nan
     with pytest.raises(NoSolutionError, match="residuals are not finite at"):
-        solve_batch(problem)
-
-
-def test_rows_and_squares_eliminate_alike():
-    rng = np.random.default_rng(2)
-    n, D, b = 6, 15, 2
-    motion = rng.normal(size=(n, D, 2 * D + b + 1))
-    root = rng.normal(size=(n, 30, D + b + 1))
-    node = root.transpose(0, 2, 1) @ root
-    ends = []
-    for by_rows in (False, True):
-        forward = node.copy()
-        L, gain = np.empty((n - 1, D, D)), np.empty((n - 1, D, D + b + 1))
-        assert kernel.eliminate(motion, node, forward, L, gain, by_rows) == -1
-        ends.append((L, gain, np.triu(forward[1:])))
-    for squares, rows in zip(*ends, strict=True):
-        np.testing.assert_allclose(squares, rows, rtol=1e-9, atol=1e-9)
+        descended(problem)
 
 
 def test_a_long_dead_reckoning_keeps_its_digits():
-    """Position known to 1 km, then a hundred intervals of a tenth of a micrometre each."""
+    """Position known to 1 km, then a hundred intervals of a tenth of a micrometre each.
+
+    GTSAM's prior of a pose takes rotation and position together, within a hundredth.
+    """
     problem = random_problem(100, 6, 0)
     motion = problem.motion
     D = 15
     motion.F[:], motion.u[:], motion.W[:] = np.eye(D), 0.0, 1e7 * np.eye(D)
     for sensor in problem.measurements:
         sensor.H[:, :, 3:6] = 0.0
-    solution = solve_batch(problem)
+    solution = descended(problem).solution
     sigma = np.sqrt(np.einsum("nii->ni", solution.covariance)[:, 3:6])
-    np.testing.assert_allclose(sigma, 1e3, rtol=1e-3)
+    np.testing.assert_allclose(sigma, 1e3, rtol=1e-2)

@@ -1,14 +1,11 @@
-"""Arcs of one antenna's phase: errors of satellites are stated, room for arcs is asked for."""
+"""Arcs of one antenna's phase: errors of satellites are stated."""
 
 import numpy as np
-import pytest
 
 from fgnav.evaluation.scores import errors_against
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods.smoother import Batch, Smoother
+from fgnav.methods.smoother import Smoother
 from fgnav.process.hyperparameters import RatePrior
-from fgnav.solve.chain.linear import Links, linearise
-from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from tests.gnss.based import flown
 
 PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)
@@ -25,13 +22,3 @@ def test_errors_that_move_are_stated():
         velocity.append(np.mean(errors.velocity_nees))
     assert 0.5 < np.mean(position) < 7.5  # 12 degrees of freedom: 99.8 %
     assert 1.5 < np.mean(velocity) < 4.5
-
-
-def test_a_chain_without_room_for_arcs_is_refused_and_not_written_beyond():
-    outage, slips = OutageTable(from_s=5.0, until_s=6.5), SlipsTable(rate_per_hour=100.0)
-    disturbed = flown(base=None, span_s=12.0, seed=20_001, outages=(outage,), slips=slips)
-    problem = Batch(**SET_UP).prepare(disturbed).problem
-    rows, before = np.arange(len(problem.t_s)), problem.start.at(slice(0, -1))
-    links = Links.empty(len(rows), problem.width, problem.constants.width)
-    with pytest.raises(ValueError, match="columns, of states, constants, arcs and 1 too few"):
-        linearise(problem, rows, problem.start, before, links, rows)

@@ -1,6 +1,6 @@
 """Stand-ins for sensors and motion: random rows, linear in ``(Log R, p, v, aux, constants)``.
 
-The dense normal equations assembled here share no line with the chain.
+The dense normal equations assembled here share no line with the library.
 """
 
 from dataclasses import dataclass
