@@ -2,7 +2,7 @@
 
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.charts import Span
-from fgnav.evaluation.report.parts import Blocks, Report, Source, folded, paragraph, report
+from fgnav.evaluation.report.parts import Blocks, Report, folded, paragraph, report
 from fgnav.evaluation.report.sections.consistency import consistency_blocks
 from fgnav.evaluation.report.sections.epochs import integer_blocks, quality_strips
 from fgnav.evaluation.report.sections.errors import error_charts, sigma_charts
@@ -44,6 +44,7 @@ def comparison_report(
     """
     solved, names = comparison.solved, [method.name for method in comparison.methods]
     time = _time(flight, solved)
+    toml = folded("flight.toml", paragraph(source) if source else [])
     constants = rate_and_bias_charts(flight, solved, time) + constants_table(solved)
     parts = (
         ("summary", "Summary", _summary(comparison)),
@@ -60,7 +61,7 @@ def comparison_report(
         ("separation", "Forward against smoother", separation_blocks(solved, time)),
         ("constants", "Rates, biases and calibration parameters", constants),
         ("allan", "Allan deviation of the inertial unit", allan_blocks(flight)),
-        ("set-up", "Set-up as read", set_up(flight) + _source(source)),
+        ("set-up", "Set-up as read", set_up(flight) + toml),
         ("versions", "Versions and seeds", _seeds(seed) + versions()),
     )
     return report(f"{comparison.flight}: {', '.join(names)}", names, parts)
@@ -80,10 +81,6 @@ def _time(flight: Flight, solved: list[Method]) -> Span:
     low = min((float(t_s[0]) for t_s in spans), default=0.0)
     high = max((float(t_s[-1]) for t_s in spans), default=1.0)
     return low, high if high > low else low + 1.0
-
-
-def _source(text: str) -> Blocks:
-    return folded("flight.toml", [Source(text)]) if text else []
 
 
 def _seeds(seed: int | None) -> Blocks:

@@ -15,18 +15,10 @@ _NUMERIC = "0123456789-−–+"  # a number begins with
 
 @dataclass(frozen=True, slots=True)
 class Paragraph:
-    """A paragraph of plain text."""
+    """A paragraph of plain text, or lines as they stand where there are several."""
 
     text: str
     kind: ClassVar = "paragraph"
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """A text whose lines stand as they are."""
-
-    text: str
-    kind: ClassVar = "source"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +52,7 @@ class Folded:
     kind: ClassVar = "folded"
 
 
-Block = Paragraph | Source | Table | Grid | Folded
+Block = Paragraph | Table | Grid | Folded
 Blocks = list[Block]
 
 

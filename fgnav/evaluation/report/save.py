@@ -51,8 +51,7 @@ def save_report(
     flight : Flight
         The one compared.
     path : Path or None
-        One file, but pictures are many: the summary is ``report.png``, and each other part has its
-        name added, ``report-errors.png``.
+        Pictures are many: ``report.png`` is the summary, ``report-errors.png`` another part.
     place : Path, optional
         Where the flight was read from: the report quotes its ``flight.toml``.
 
@@ -61,7 +60,6 @@ def save_report(
     BadInputError
         As ``check_report``, or if no method has an estimate.
     """
-    check_report(path)
     if path is None:
         return []
     if not comparison.solved:
@@ -78,13 +76,7 @@ def save_flights_report(comparison: FlightsComparison, path: Path | None) -> lis
 
 
 def write(report: Report, path: Path) -> list[Path]:
-    """Write a report in the format that the name of its file says; return its files.
-
-    Raises
-    ------
-    BadInputError
-        As ``check_report``.
-    """
+    """Write a report in the format that the name of its file says; return its files."""
     from matplotlib import rc_context  # noqa: PLC0415  # lazy: half a second
 
     from fgnav.evaluation.report.render import STYLE  # noqa: PLC0415
@@ -134,11 +126,7 @@ def _save_pdf(report: Report, path: Path) -> None:
 
 
 def _save_pngs(report: Report, path: Path) -> list[Path]:
-    """Write a picture of each part; return their paths.
-
-    The first part is the file that was asked for, others have their name added to it. Pictures of
-    an earlier report of that name are removed, so that all that lie there are of one report.
-    """
+    """Write a picture of each part; return their paths. Those of an earlier report are removed."""
     from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
 
     written = []

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from textwrap import wrap
 
-from fgnav.evaluation.report.parts import Block, Folded, Paragraph, Source, Table
+from fgnav.evaluation.report.parts import Block, Folded, Paragraph, Table
 
 _NAME, _CELL = 24, 64  # letters of a row's name and of another cell; longer ones are broken
 
@@ -13,10 +13,10 @@ def text_lines(blocks: Iterable[Block], width: int) -> list[str]:
     lines: list[str] = []
     for block in blocks:
         match block:
+            case Paragraph(text) if "\n" in text:
+                lines += text.splitlines()
             case Paragraph(text):
                 lines += wrap(text, width, subsequent_indent="  ", break_long_words=False)
-            case Source(text):
-                lines += text.splitlines()
             case Table():
                 lines += [""] if lines else []
                 lines += [*wrap(block.caption, width), *table_lines(block, width)]
