@@ -2,7 +2,7 @@
 
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.charts import Span
-from fgnav.evaluation.report.parts import Blocks, Report, folded, paragraph, report
+from fgnav.evaluation.report.parts import Report, folded, paragraph, report
 from fgnav.evaluation.report.sections.consistency import consistency_blocks
 from fgnav.evaluation.report.sections.epochs import integer_blocks, quality_strips
 from fgnav.evaluation.report.sections.errors import error_charts, sigma_charts
@@ -45,9 +45,13 @@ def comparison_report(
     solved, names = comparison.solved, [method.name for method in comparison.methods]
     time = _time(flight, solved)
     toml = folded("flight.toml", paragraph(source) if source else [])
+    note = paragraph(_ONE_FLIGHT) if len(solved) > 1 else []
+    in_short = folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
+    simulated = "" if seed is None else f" The flight was simulated with seed {seed}."
+    seeds = f"No method here draws random numbers.{simulated}"
     constants = rate_and_bias_charts(flight, solved, time) + constants_table(solved)
     parts = (
-        ("summary", "Summary", _summary(comparison)),
+        ("summary", "Summary", [method_table(comparison), *note, *in_short]),
         ("errors", "Errors", error_charts(solved, time)),
         ("motion", "Motion", motion_charts(flight, solved, time)),
         ("sigmas", "Stated uncertainty", sigma_charts(flight, solved, time)),
@@ -62,15 +66,9 @@ def comparison_report(
         ("constants", "Rates, biases and calibration parameters", constants),
         ("allan", "Allan deviation of the inertial unit", allan_blocks(flight)),
         ("set-up", "Set-up as read", set_up(flight) + toml),
-        ("versions", "Versions and seeds", _seeds(seed) + versions()),
+        ("versions", "Versions and seeds", paragraph(seeds) + versions()),
     )
     return report(f"{comparison.flight}: {', '.join(names)}", names, parts)
-
-
-def _summary(comparison: Comparison) -> Blocks:
-    note = paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else []
-    in_short = folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
-    return [method_table(comparison), *note, *in_short]
 
 
 def _time(flight: Flight, solved: list[Method]) -> Span:
@@ -81,9 +79,3 @@ def _time(flight: Flight, solved: list[Method]) -> Span:
     low = min((float(t_s[0]) for t_s in spans), default=0.0)
     high = max((float(t_s[-1]) for t_s in spans), default=1.0)
     return low, high if high > low else low + 1.0
-
-
-def _seeds(seed: int | None) -> Blocks:
-    """Return where chance came in: nowhere but in a simulated flight."""
-    own = "" if seed is None else f" The flight was simulated with seed {seed}."
-    return paragraph(f"No method here draws random numbers.{own}")

@@ -84,10 +84,13 @@ def paragraph(*texts: str) -> Blocks:
     return [Paragraph(text) for text in texts]
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> Blocks:
-    """Return a table; nothing where it has no row."""
+def table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", most: int = 300
+) -> Blocks:
+    """Return a table of the first rows, which says how many are not shown; nothing of none."""
     filled = list(rows)
-    return [Table(heads, filled, caption)] if filled else []
+    more = f"; {len(filled) - most} more in --json" if len(filled) > most else ""
+    return [Table(heads, filled[:most], caption + more)] if filled else []
 
 
 def grid(charts: Iterable[Chart]) -> Blocks:

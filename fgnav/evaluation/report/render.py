@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from io import StringIO
-from textwrap import wrap
 from typing import Any, NamedTuple
 
 from matplotlib.axes import Axes
@@ -25,8 +24,9 @@ from fgnav.evaluation.report.charts import (
     styles_of,
 )
 from fgnav.evaluation.report.parts import Block, Folded, Grid, Part, Report, Table
-from fgnav.evaluation.report.text import table_lines, text_lines
+from fgnav.evaluation.report.text import text_lines
 
+TICKS = {"color": DIM, "major.size": 0.0, "minor.size": 0.0, "major.pad": 2.0}
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.size": 6.5,
@@ -49,19 +49,17 @@ STYLE: Any = {
     "path.simplify_threshold": 0.2,
     "text.color": INK,
     "text.parse_math": False,
-    "xtick.color": DIM,
-    "ytick.color": DIM,
-    "xtick.major.size": 0.0,
-    "ytick.major.size": 0.0,
-    "xtick.minor.size": 0.0,
-    "ytick.minor.size": 0.0,
+    **{f"{axis}tick.{key}": value for axis in "xy" for key, value in TICKS.items()},
     "xtick.major.pad": 3.5,
-    "ytick.major.pad": 2.0,
     "pdf.fonttype": 42,  # letters stay letters
     "svg.fonttype": "none",
     "svg.hashsalt": "fgnav",  # the same report gives the same bytes
 }
-DARK = {"#1a1a1a": "#ececec", "#5a5a5a": "#b0b0b0", "#e2e2e2": "#33383f", "#ffffff": "#1f242a"} | {
+DARK = {
+    "#1a1a1a": "#ececec",
+    "#5a5a5a": "#b0b0b0",
+    "#e2e2e2": "#33383f",
+    "#ffffff": "#1f242a",
     "#0072b2": "#6f9dff",
     "#000000": "#fafafa",
     "#0060a0": "#7cc4ff",
@@ -124,24 +122,7 @@ def _rounded(tag: re.Match[str]) -> str:
     return re.sub(r"(?<=\d\.\d)\d+", "", tag[0])
 
 
-def sheets(report: Report, part: Part, high: float, *, cut: bool) -> Iterator[Figure]:
-    """Yield the sheets of a part, so high in points; ``cut`` ones end below what they hold."""
-    styles = styles_of(report.methods)
-    items: list[_Item] = []
-    room = high - 2 * _MARGIN - _head(report)
-    count = 0
-    for item in [*_items(part.blocks), None]:
-        if item is None or (items and sum(one.height for one in items) + item.height > room):
-            count += 1
-            height = sum(one.height for one in items) + high - room if cut else high
-            title = part.title + (f" ({count})" if count > 1 else "")
-            yield _sheet(report, title, items, height, styles)
-            items = []
-        if item is not None:
-            items.append(item)
-
-
-class _Item(NamedTuple):
+class _Row(NamedTuple):
     """A row of a sheet: its height, and a line of text or figures side by side."""
 
     height: float
@@ -150,7 +131,21 @@ class _Item(NamedTuple):
     charts: Sequence[Chart] = ()
 
 
-def _items(blocks: Sequence[Block]) -> Iterator[_Item]:
+def sheets(report: Report, part: Part, high: float, *, cut: bool) -> Iterator[Figure]:
+    """Yield the sheets of a part, so high in points; ``cut`` ones end below what they hold."""
+    room = high - 2 * _MARGIN - _head(report)
+    pages: list[list[_Row]] = [[]]
+    for row in _rows(part.blocks):
+        if pages[-1] and sum(one.height for one in pages[-1]) + row.height > room:
+            pages.append([])
+        pages[-1].append(row)
+    for number, page in enumerate(pages, 1):
+        title = part.title + (f" ({number})" if number > 1 else "")
+        spare = room - sum(row.height for row in page)
+        yield _sheet(report, title, page, high - max(spare, 0) if cut else high)
+
+
+def _rows(blocks: Sequence[Block]) -> Iterator[_Row]:
     """Yield blocks row by row."""
     for block in blocks:
         lines: list[str] = []
@@ -158,18 +153,17 @@ def _items(blocks: Sequence[Block]) -> Iterator[_Item]:
             case Grid(charts):
                 for first in range(0, len(charts), _COLUMNS):
                     row = charts[first : first + _COLUMNS]
-                    yield _Item(max(one.height for one in row) + 8.0, charts=row)
+                    yield _Row(max(one.height for one in row) + 8.0, charts=row)
             case Folded(title, inner):
-                yield _Item(2.6 * _LINE, title, bold=True)
-                yield from _items(inner)
+                yield _Row(2.6 * _LINE, title, bold=True)
+                yield from _rows(inner)
             case Table(heads, rows, caption):
-                lines += wrap(caption, _LETTERS)
                 for first in range(0, len(rows), _PIECE):
-                    piece = Table(heads, rows[first : first + _PIECE], "")
-                    lines += [*table_lines(piece, _LETTERS), ""]
+                    piece = Table(heads, rows[first : first + _PIECE], "" if first else caption)
+                    lines += [*text_lines([piece], _LETTERS), ""]
             case _:
                 lines += [*text_lines([block], _LETTERS), ""]
-        yield from (_Item(_LINE, line) for line in lines)
+        yield from (_Row(_LINE, line) for line in lines)
 
 
 def _head(report: Report) -> float:
@@ -177,48 +171,31 @@ def _head(report: Report) -> float:
     return 30.0 + _LINE * -(-(len(report.methods) + 1) // 7)
 
 
-def _sheet(
-    report: Report, title: str, items: Sequence[_Item], high: float, styles: Mapping[str, Style]
-) -> Figure:
+def _sheet(report: Report, title: str, rows: Sequence[_Row], high: float) -> Figure:
     """Return a sheet: what it is of, the colours of the methods, then its rows."""
-    figure = Figure(figsize=(_WIDE / 72, high / 72), facecolor="#ffffff")
+    figure, styles = Figure(figsize=(_WIDE / 72, high / 72)), styles_of(report.methods)
 
-    def write(text: str, top: float, **more: Any) -> None:  # noqa: ANN401  # matplotlib's
-        place = _MARGIN / _WIDE, 1 - top / high
-        figure.text(*place, text, va="top", parse_math=False, **more)
+    def write(text: str, top: float, size: float, **more: Any) -> None:  # noqa: ANN401  # matplotlib's
+        figure.text(_MARGIN / _WIDE, 1 - top / high, text, va="top", size=size, **more)
 
-    write(report.title[:_LETTERS], _MARGIN, size=_SIZE, color=DIM)
-    write(title, _MARGIN + 9, size=11, weight="bold")
-    names = [*report.methods, TRUTH]
-    keys = [Line2D([], [], color=styles[name].colour) for name in names]
-    for key, name in zip(keys, names, strict=True):
-        key.set_linestyle(styles[name].dashes)
-    labels = [*report.methods, "truth, or what is expected"]
-    figure.legend(
-        keys,
-        labels,
-        ncols=7,
-        loc="upper left",
-        bbox_to_anchor=(_MARGIN / _WIDE, 1 - (_MARGIN + 22) / high),
-    )
+    write(report.title[:_LETTERS], _MARGIN, _SIZE, color=DIM)
+    write(title, _MARGIN + 9, 11, weight="bold")
+    labels = {**dict.fromkeys(report.methods, ""), TRUTH: "truth, or what is expected"}
+    keys = [Line2D([], [], color=styles[n].colour, ls=styles[n].dashes) for n in labels]
+    corner = _MARGIN / _WIDE, 1 - (_MARGIN + 22) / high
+    names = [label or name for name, label in labels.items()]
+    figure.legend(keys, names, ncols=7, loc="upper left", bbox_to_anchor=corner)
     top = _MARGIN + _head(report)
-    for item in items:
-        size = 8.5 if item.bold else _SIZE
-        if item.text:
-            family = "sans-serif" if item.bold else "monospace"
-            weight = "bold" if item.bold else "normal"
-            above = (1.5 if item.bold else 1) * _LINE
-            write(
-                item.text,
-                top + item.height - above,
-                size=size,
-                family=family,
-                weight=weight,
-            )
-        for column, one in enumerate(item.charts):
-            axes = _draw(figure, one, styles, (_MARGIN + column * (WIDTH + _GAP), top + 6))
-            axes.set_title(one.title)
-        top += item.height
+    for row in rows:
+        foot = top + row.height
+        if row.bold:
+            write(row.text, foot - 1.5 * _LINE, 8.5, weight="bold")
+        elif row.text:
+            write(row.text, foot - _LINE, _SIZE, family="monospace")
+        for column, chart in enumerate(row.charts):
+            axes = _draw(figure, chart, styles, (_MARGIN + column * (WIDTH + _GAP), top + 6))
+            axes.set_title(chart.title)
+        top = foot
     return figure
 
 

@@ -30,7 +30,6 @@ _QUALITY = {"no answer": WRONG, "no GNSS": POOR, "no integers": FAIR, "integers 
 _OUTCOMES = {"wrong": WRONG, "float": POOR, "refused": FAIR, "fixed": GOOD}
 _WORST = ": the worst of what a cell holds"
 _CELLS = 300
-_MOST_REASONS = 40
 _MOST_ARCS = 20
 _NEAR = 0.75  # usual intervals: epochs that follow each other have none further away than a half
 
@@ -148,11 +147,12 @@ def _arcs(methods: Sequence[Method]) -> Blocks:
     stated.sort(key=lambda row: -row[0])
     rows = [
         [name, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", f"{wrong:.2g}", one.by]
-        for wrong, name, one in stated[:_MOST_ARCS]
+        for wrong, name, one in stated
     ]
     mean = sum(wrong for wrong, _, _ in stated) / max(len(stated), 1)
     title = f"arcs by the chance that their integer is wrong, of {len(stated)}; mean {mean:.2g}"
-    return table(["method", "link", "from, s", "until, s", "chance", "by"], rows, title)
+    heads = ["method", "link", "from, s", "until, s", "chance", "by"]
+    return table(heads, rows, title, most=_MOST_ARCS)
 
 
 def _reasons(of: dict[str, Integers]) -> Blocks:
@@ -160,5 +160,5 @@ def _reasons(of: dict[str, Integers]) -> Blocks:
     counted = Counter(
         (name, reason) for name, one in of.items() for reason in one.reasons or () if reason
     )
-    rows = [[name, reason, str(n)] for (name, reason), n in counted.most_common(_MOST_REASONS)]
+    rows = [[name, reason, str(n)] for (name, reason), n in counted.most_common()]
     return table(["method", "why an epoch is not fixed, or lacks links", "epochs"], rows)

@@ -18,7 +18,6 @@ from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 
 _SIGMAS = 3.0
-_LISTED = 20  # spans
 NORTH_EAST_DOWN = ("north", "east", "down")
 _EXPLANATION = (
     "Estimate minus truth. Shaded: three standard deviations as each method states them, around "
@@ -98,7 +97,7 @@ def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Block
         [method.name, f"{a:.1f}", f"{b:.1f}", f"{b - a:.1f}"]
         for method in methods
         if method.estimate is not None
-        for a, b in open_heading_spans_s(method.estimate)[:_LISTED]
+        for a, b in open_heading_spans_s(method.estimate)
     ]
     series = (
         (f"1σ of {name}", f"1σ, {unit}", Line(method.name, method.estimate.t_s, values))

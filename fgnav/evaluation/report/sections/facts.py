@@ -3,17 +3,16 @@
 import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from typing import Any
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.parts import NONE, Blocks, folded, paragraph, table
+from fgnav.evaluation.report.parts import Blocks, folded, paragraph, table
 from fgnav.types.flight import Flight
 
-_MOST = 300  # rows of a table of exclusions
 _GAP = 1.5  # intervals: a longer step is a gap
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
@@ -32,38 +31,28 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
         for one in m.rejections
     ]
     lost = [
-        [owner, loss.what, str(loss.count), loss.reason]
-        for owner, losses in (
-            ("flight", flight.losses),
-            *((m.name, m.score.losses) for m in methods),
-        )
+        [of, loss.what, str(loss.count), loss.reason]
+        for of, losses in {
+            "flight": flight.losses,
+            **{m.name: m.score.losses for m in methods},
+        }.items()
         for loss in sorted(losses, key=lambda one: -one.count)
     ]
-    return _some(
-        ["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps of answers"
-    ) + _some(
-        ["method", "measurement", "link", "from, s", "until, s", "reason"],
-        excluded,
-        "contradicted the rest: mended or left out",
-    ) + folded(
-        f"{len(lost)} kinds of losses",
-        _some(["of", "what", "times", "reason"], lost, "measured and not used"),
+    by_link = ["method", "measurement", "link", "from, s", "until, s", "reason"]
+    losses = table(["of", "what", "times", "reason"], lost, "measured and not used")
+    return (
+        table(["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps of answers")
+        + table(by_link, excluded, "contradicted the rest: mended or left out")
+        + folded(f"{len(lost)} kinds of losses", losses)
     ) or paragraph("No gap, no exclusion, no loss.")
-
-
-def _some(heads: list[str], rows: list[list[str]], caption: str) -> Blocks:
-    """Return a table of the first rows, which says how many are not shown."""
-    more = len(rows) - _MOST
-    return table(heads, rows[:_MOST], caption + (f"; {more} more in --json" if more > 0 else ""))
 
 
 def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
     """Return where epochs have no answer: last before, first after."""
     steps_s = np.diff(t_s)
-    if not len(steps_s):
-        return []
-    at = np.flatnonzero(steps_s > _GAP * np.median(steps_s))
-    return [(float(t_s[k]), float(t_s[k + 1])) for k in at]
+    usual_s = np.median(steps_s) if len(steps_s) else np.inf
+    at = np.flatnonzero(steps_s > _GAP * usual_s)
+    return list(zip(t_s[at].tolist(), t_s[at + 1].tolist(), strict=True))
 
 
 def constants_table(methods: Sequence[Method]) -> Blocks:
@@ -87,9 +76,8 @@ def set_up(flight: Flight) -> Blocks:
         rows += _fields_of(name, getattr(flight, name))
     rows.append(["elevation mask", f"{np.degrees(flight.elevation_mask_rad):.1f} deg", ""])
     for antenna in flight.antennas:
-        rows.append(
-            [f"antenna {antenna.name}", f"{antenna.position_b_m.tolist()} m, body axes", ""]
-        )
+        place = f"{antenna.position_b_m.tolist()} m, body axes"
+        rows.append([f"antenna {antenna.name}", place, ""])
     if flight.observations is not None:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
@@ -106,18 +94,16 @@ def _fields_of(owner: str, record: Any) -> Iterator[list[str]]:  # noqa: ANN401 
     """Yield numbers and short vectors of a record by name."""
     if not is_dataclass(record):
         return
-    unstated = getattr(record, "unstated", ())
     for one in fields(record):
         value = getattr(record, one.name)
-        if isinstance(value, np.ndarray):
-            if value.shape != (3,):
-                continue
+        if isinstance(value, np.ndarray) and value.shape == (3,):
             text = str(value.tolist())
-        elif isinstance(value, (bool, int, float, str)):
+        elif isinstance(value, bool | int | float | str):
             text = f"{value:.9g}" if isinstance(value, float) else str(value)
         else:
             continue
-        remark = "not stated by the flight: the usual figure" if one.name in unstated else ""
+        is_usual = one.name in getattr(record, "unstated", ())
+        remark = "not stated by the flight: the usual figure" if is_usual else ""
         yield [f"{owner} {one.name}", text, remark]
 
 
@@ -131,9 +117,5 @@ def _series(t_s: FloatArray) -> str:
 def versions() -> Blocks:
     """Return who computed this."""
     rows = [["Python", platform.python_version()]]
-    for name in _PACKAGES:
-        try:
-            rows.append([name, version(name)])
-        except PackageNotFoundError:
-            rows.append([name, NONE])
+    rows += [[name, one.version] for name in _PACKAGES for one in distributions(name=name)]
     return table(["package", "version"], rows)

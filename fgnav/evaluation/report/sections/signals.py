@@ -1,11 +1,12 @@
 """The sky over the flight, how strong satellites were received, and what methods leave of them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.evaluation.comparison import Comparison, Method
+from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.internal_consistency.residuals import (
     Residuals,
     array_phase_residuals,
@@ -25,10 +26,20 @@ from fgnav.evaluation.report.charts import (
 )
 from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
 from fgnav.evaluation.scores import EULER, finite_mean, hidden
-from fgnav.gnss.undifferenced import undifferenced
+from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
+# Method, times (n,), channels, and values (n, channels).
+_Channels = tuple[str, FloatArray, Sequence[str], FloatArray]
+_EXPLANATION = (
+    "RMS in cells of time. The array's phase less what the attitude makes of it, whole cycles "
+    "taken off, over all baselines; code and phase of the first antenna less what the position "
+    "makes of them, clocks of each epoch and a constant of each arc of phase taken off: errors of "
+    "the position, of orbits and of the atmosphere that drift within an arc stay in. A row is cut "
+    "at its upper edge."
+)
 _POINTS = 60  # of a satellite's way
 _CELLS = 240  # of a row of carrier-to-noise densities
 _LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
@@ -99,33 +110,22 @@ def _tracked(observations: Observations) -> BoolArray:
     return np.asarray(np.isfinite(observations.code_m).any(axis=1))
 
 
-def channel_charts(
-    title: str,
-    unit: str,
-    series: Sequence[tuple[str, FloatArray, Sequence[str], FloatArray]],
-    time: Span,
-) -> list[Chart]:
-    """Return RMS in cells of time, a row for each channel, all on one scale.
-
-    Parameters
-    ----------
-    series : sequence of tuple
-        Method, times (n,), channels, and values (n, channels).
-    """
+def channel_charts(title: str, unit: str, series: Sequence[_Channels], time: Span) -> list[Chart]:
+    """Return RMS in cells of time, a row for each channel, all on one scale."""
     edges_s = np.linspace(*time, 91)
     middle_s = np.append((edges_s[:-1] + edges_s[1:]) / 2, np.nan)
-    means = [(of, list(names), _rms_in_cells(t_s, y, edges_s)) for of, t_s, names, y in series]
-    channels = sorted(
-        {names[k] for _, names, y in means for k in np.flatnonzero(np.isfinite(y).any(axis=0))}
-    )
-    if not channels:
-        return []
-    full = float(np.median([np.nanpercentile(y, 99.0) for _, _, y in means])) or 1.0
+    means = [(of, _rms_in_cells(t_s, y, edges_s), names) for of, t_s, names, y in series]
+    columns = [
+        (name, column) for _, y, names in means for name, column in zip(names, y.T, strict=True)
+    ]
+    channels = sorted({name for name, column in columns if np.isfinite(column).any()})
+    sizes = [np.nanpercentile(y, 99.0) for _, y, _ in means if np.isfinite(y).any()]
+    full = float(np.median(sizes or [1.0])) or 1.0
     charts = []
     for first in range(0, len(channels), _CHANNELS):
         rows = channels[first : first + _CHANNELS]
         lines = []
-        for of, names, y in means:
+        for of, y, names in means:
             parts = dict(zip(names, (y.T / full).clip(None, 1), strict=True))
             up = [
                 np.append(k + 0.45 - 0.9 * parts[name], np.nan)
@@ -152,66 +152,51 @@ def _rms_in_cells(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> F
 
 def residual_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
     """Return rows and tables of residuals by satellite; empty without observations."""
+    differences, observed = comparison.double_differences, _observed(flight)
+
+    def of_array(estimate: Estimate) -> Residuals | None:
+        if differences is None or hidden(estimate) & set(EULER):
+            return None
+        return array_phase_residuals(differences, estimate)
+
+    def of_antenna(
+        residuals: Callable[..., Residuals | None], estimate: Estimate
+    ) -> Residuals | None:
+        if observed is None or "position" in hidden(estimate):
+            return None
+        return residuals(observed, estimate, flight.antennas[0].position_b_m)
+
     charts, tables = [], []
-    for title, unit, scale, of in (
-        ("phase of the array", "mm", 1e3, _of_array(comparison)),
-        ("code of the first antenna", "m", 1.0, _of_antenna(flight, comparison, code_residuals)),
-        ("phase of the first antenna", "mm", 1e3, _of_antenna(flight, comparison, phase_residuals)),
+    for title, unit, scale, residuals in (
+        ("phase of the array", "mm", 1e3, of_array),
+        ("code of the first antenna", "m", 1.0, partial(of_antenna, code_residuals)),
+        ("phase of the first antenna", "mm", 1e3, partial(of_antenna, phase_residuals)),
     ):
-        lines = [(m.name, r.t_s, r.channels, scale * r.value_m) for m, r in of]
-        charts += channel_charts(title, unit, lines, time)
-        tables += _table(title, unit, scale, of)
-    explanation = paragraph(
-        "RMS in cells of time. The array's phase less what the attitude makes of it, whole "
-        "cycles taken off, over all baselines; code and phase of the first antenna less what "
-        "the position makes of them, clocks of each epoch and a constant of each arc of phase "
-        "taken off: errors of the position, of orbits and of the atmosphere that drift within "
-        "an arc stay in. A row is cut at its upper edge."
-    )
+        series = [
+            (method.name, left.t_s, left.channels, scale * left.value_m)
+            for method in comparison.solved
+            if method.estimate is not None and (left := residuals(method.estimate)) is not None
+        ]
+        charts += channel_charts(title, unit, series, time)
+        tables += _table(title, unit, series)
     by_satellite = folded("RMS by satellite and method", tables)
-    return explanation + grid(charts) + by_satellite if charts else []
+    return paragraph(_EXPLANATION) + grid(charts) + by_satellite if charts else []
 
 
-def _of_array(comparison: Comparison) -> list[tuple[Method, Residuals]]:
-    differences = comparison.double_differences
-    if differences is None:
-        return []
-    return [
-        (method, array_phase_residuals(differences, method.estimate))
-        for method in comparison.solved
-        if method.estimate is not None and not hidden(method.estimate) & set(EULER)
-    ]
-
-
-def _of_antenna(
-    flight: Flight, comparison: Comparison, residuals: Callable[..., Residuals | None]
-) -> list[tuple[Method, Residuals]]:
-    """Return residuals of the first antenna by each method that has positions."""
+def _observed(flight: Flight) -> Undifferenced | None:
     try:
-        observed = None if flight.observations is None else undifferenced(flight)
+        return None if flight.observations is None else undifferenced(flight)
     except NoSolutionError:  # too few satellites: then no method has a position by them either
-        return []
-    if observed is None:
-        return []
-    arm_b_m = flight.antennas[0].position_b_m
-    return [
-        (method, left)
-        for method in comparison.solved
-        if method.estimate is not None
-        and "position" not in hidden(method.estimate)
-        and (left := residuals(observed, method.estimate, arm_b_m)) is not None
-        and np.isfinite(left.value_m).any()
-    ]
+        return None
 
 
-def _table(title: str, unit: str, scale: float, of: Sequence[tuple[Method, Residuals]]) -> Blocks:
+def _table(title: str, unit: str, series: Sequence[_Channels]) -> Blocks:
     """Return the RMS of each channel and method."""
-    heads = ["channel", *(f"{method.name}, {unit}" for method, _ in of)]
-    rms = [
-        dict(zip(one.channels, np.sqrt(finite_mean((scale * one.value_m) ** 2, 0)), strict=True))
-        for _, one in of
-    ]
-    channels = sorted({name for one in rms for name, value in one.items() if np.isfinite(value)})
-    return table(
-        heads, ([name, *(number(one.get(name)) for one in rms)] for name in channels), title
-    )
+    rms: dict[str, dict[str, float]] = {}
+    for of, _, channels, values in series:
+        for name, value in zip(channels, np.sqrt(finite_mean(values**2, 0)).tolist(), strict=True):
+            if np.isfinite(value):
+                rms.setdefault(name, {})[of] = value
+    heads = ["channel", *(f"{of}, {unit}" for of, *_ in series)]
+    rows = ([name, *(number(rms[name].get(of)) for of, *_ in series)] for name in sorted(rms))
+    return table(heads, rows, title)
