@@ -14,7 +14,15 @@ from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.flights import BOOTSTRAP_SEED
 from fgnav.evaluation.paired import Interval, paired, pooled
 from fgnav.evaluation.report.charts import Chart, Line
-from fgnav.evaluation.report.parts import Blocks, Report, grid, paragraph, report, significant
+from fgnav.evaluation.report.parts import (
+    Blocks,
+    Report,
+    grid,
+    interval,
+    paragraph,
+    report,
+    significant,
+)
 from fgnav.evaluation.report.parts import table as tabulated
 from fgnav.evaluation.report.save import write
 from fgnav.evaluation.report.text import text_lines
@@ -129,7 +137,7 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
         answered = np.nansum(table.figure("available", title, number))
         share = 100 * float(answered) / max(table.flown(number), 1)
         cells = [
-            _cell(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
+            interval(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
             for name in _SUMMARY
         ]
         ratio = unpaired = ""
@@ -138,7 +146,7 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
             both = np.isfinite(own) & np.isfinite(baseline)
             first, second = (np.where(both, values, np.nan) for values in (own, baseline))
             held = paired(_root_mean(first), _root_mean(second), rng)
-            ratio = _cell(held.ratio) + ("*" if held.is_significant else "")
+            ratio = interval(held.ratio) + ("*" if held.is_significant else "")
             only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
             unpaired = f"{only} flights" if only else ""
         yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
@@ -203,9 +211,9 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
     for title in order.titles:
         own = means(title)
         held = paired(own, baseline, rng)
-        ratio = "" if title == order.reference else _cell(held.ratio)
+        ratio = "" if title == order.reference else interval(held.ratio)
         mark = "*" if ratio and held.is_significant else ""
-        yield [title, _cell(pooled(own, rng, squared=False)), ratio + mark]
+        yield [title, interval(pooled(own, rng, squared=False)), ratio + mark]
 
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:
@@ -217,9 +225,3 @@ def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> I
 def _root_mean(values: FloatArray) -> FloatArray:
     """Return the root mean square over the last axis; NaN of nothing."""
     return np.asarray(np.sqrt(finite_mean(values**2, -1)))
-
-
-def _cell(of: Interval) -> str:
-    if not np.isfinite([of.value, of.low, of.high]).all():
-        return significant(of.value)
-    return f"{significant(of.value)} [{significant(of.low)}, {significant(of.high)}]"

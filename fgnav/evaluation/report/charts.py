@@ -196,9 +196,12 @@ def cells_chart(
     return Chart(title, rows=list(rows), cells=cells, x_limits=time, height=height)
 
 
-def first_epochs(count: int, most: int) -> IntArray:
-    """Return the first epoch of each of at most so many cells."""
-    return np.unique(np.linspace(0, count, min(most, count), endpoint=False).astype(np.int64))
+def cells_of(t_s: FloatArray, most: int) -> tuple[IntArray, FloatArray]:
+    """Return the first epoch of each of at most so many cells, (c,), and their edges, (c + 1,)."""
+    count = len(t_s)
+    starts = np.unique(np.linspace(0, count, min(most, count), endpoint=False).astype(np.int64))
+    step_s = (t_s[-1] - t_s[0]) / max(count - 1, 1) or 1.0
+    return starts, np.append(t_s[starts], t_s[-1] + step_s)
 
 
 def unjumped_deg(angle_deg: FloatArray) -> FloatArray:

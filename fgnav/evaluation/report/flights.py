@@ -6,13 +6,13 @@ import numpy as np
 
 from fgnav.evaluation.figures import FIGURES
 from fgnav.evaluation.flights import BOOTSTRAP_SEED, PAIRED, FlightsComparison
-from fgnav.evaluation.paired import Interval
 from fgnav.evaluation.report.charts import Chart, Line
 from fgnav.evaluation.report.parts import (
     NONE,
     Blocks,
     Report,
     grid,
+    interval,
     paragraph,
     report,
     significant,
@@ -64,7 +64,7 @@ def on_screen(comparison: FlightsComparison) -> Blocks:
 def summary(comparison: FlightsComparison) -> Blocks:
     """Return pooled figures, errors by angle beside their bounds, and integers."""
     pooled = [
-        [method, *(_interval(comparison.pooled(name, method)) for name in _SUMMARY.values())]
+        [method, *(interval(comparison.pooled(name, method)) for name in _SUMMARY.values())]
         for method in comparison.methods
     ]
     return (
@@ -93,7 +93,7 @@ def _angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
     """Yield each method's RMS errors of roll, pitch and yaw, then the bounds, RMS over flights."""
     for method in comparison.methods:
         pooled = (comparison.pooled(f"{angle}_rmse_deg", method) for angle in EULER)
-        yield [method, *map(_interval, pooled)]
+        yield [method, *map(interval, pooled)]
     for kind, name in _BOUNDS.items():
         values = [comparison.bound_deg(kind, angle) for angle in EULER]
         finite = [bound[np.isfinite(bound)] for bound in values]
@@ -116,7 +116,7 @@ def paired(comparison: FlightsComparison) -> Blocks:
     for name in PAIRED:
         for method in comparison.methods[1:]:
             pair = comparison.paired(name, method)
-            figures = [_interval(pair.difference), _interval(pair.ratio), significant(pair.p_value)]
+            figures = [interval(pair.difference), interval(pair.ratio), significant(pair.p_value)]
             mark = "*" if pair.is_significant else ""
             if pair.flights:
                 rows.append([FIGURES[name].title, method, str(pair.flights), *figures, mark])
@@ -170,13 +170,6 @@ def _per_flight(comparison: FlightsComparison) -> Blocks:
 
 def _of(figures: Mapping[str, Mapping[str, float]], method: str, name: str) -> str:
     return significant(figures.get(method, {}).get(name))
-
-
-def _interval(of: Interval) -> str:
-    """Return a figure with its bounds, where flights are enough to tell."""
-    if of.low != of.low:  # NaN
-        return significant(of.value)
-    return f"{significant(of.value)} ({significant(of.low)} to {significant(of.high)})"
 
 
 def _charts(comparison: FlightsComparison) -> Blocks:

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
+from fgnav.evaluation.paired import Interval
 from fgnav.evaluation.report.charts import Chart
 
 NONE = "–"
@@ -85,11 +88,11 @@ def paragraph(*texts: str) -> Blocks:
 
 
 def table(
-    heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", most: int = 300
+    heads: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "", most: int | None = None
 ) -> Blocks:
     """Return a table of the first rows, which says how many are not shown; nothing of none."""
     filled = list(rows)
-    more = f"; {len(filled) - most} more in --json" if len(filled) > most else ""
+    more = f"; {len(filled) - most} more in --json" if most and len(filled) > most else ""
     return [Table(heads, filled[:most], caption + more)] if filled else []
 
 
@@ -114,6 +117,13 @@ def number(value: float | None, digits: int = 3) -> str:
 def significant(value: float | None) -> str:
     """Return three significant digits."""
     return NONE if value is None or value != value else f"{value:.3g}"  # NaN
+
+
+def interval(of: Interval) -> str:
+    """Return a figure with its bounds, where flights are enough to tell."""
+    if not np.isfinite([of.low, of.high]).all():
+        return significant(of.value)
+    return f"{significant(of.value)} [{significant(of.low)}, {significant(of.high)}]"
 
 
 def is_numeric(column: Sequence[str]) -> bool:

@@ -16,7 +16,7 @@ from fgnav.evaluation.report.charts import (
     Line,
     Span,
     cells_chart,
-    first_epochs,
+    cells_of,
     spanning,
     time_charts,
 )
@@ -92,12 +92,11 @@ def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks
     if flight.observations is None or not of:
         return []
     t_s = flight.observations.t_s
-    starts = first_epochs(len(t_s), _CELLS)
+    starts, edges_s = cells_of(t_s, _CELLS)
     rows = {
         name: np.minimum.reduceat(_outcomes(integers, comparison.right_integers), starts)
         for name, integers in of.items()
     }
-    edges_s = np.append(t_s[starts], t_s[-1])
     series = (
         ("links with fixed integers", "links", Line(n, t_s, one.fixed.sum(axis=(1, 2)) * 1.0))
         for n, one in of.items()

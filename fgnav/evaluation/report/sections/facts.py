@@ -13,6 +13,7 @@ from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.report.parts import Blocks, folded, paragraph, table
 from fgnav.types.flight import Flight
 
+_MOST = 300  # rows of a table
 _GAP = 1.5  # intervals: a longer step is a gap
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
@@ -39,10 +40,10 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
         for loss in sorted(losses, key=lambda one: -one.count)
     ]
     by_link = ["method", "measurement", "link", "from, s", "until, s", "reason"]
-    losses = table(["of", "what", "times", "reason"], lost, "measured and not used")
+    losses = table(["of", "what", "times", "reason"], lost, "measured and not used", _MOST)
     return (
-        table(["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps of answers")
-        + table(by_link, excluded, "contradicted the rest: mended or left out")
+        table(["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps", _MOST)
+        + table(by_link, excluded, "contradicted the rest: mended or left out", _MOST)
         + folded(f"{len(lost)} kinds of losses", losses)
     ) or paragraph("No gap, no exclusion, no loss.")
 

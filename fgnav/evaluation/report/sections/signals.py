@@ -22,7 +22,7 @@ from fgnav.evaluation.report.charts import (
     Line,
     Span,
     cells_chart,
-    first_epochs,
+    cells_of,
 )
 from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
 from fgnav.evaluation.scores import EULER, finite_mean, hidden
@@ -85,7 +85,7 @@ def _sky(flight: Flight, observations: Observations) -> Chart:
 def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
     """Yield a row for each channel: its mean carrier-to-noise density over antennas in time."""
     tracked, cn0_dbhz = _tracked(observations), observations.cn0_dbhz
-    starts = first_epochs(len(tracked), _CELLS)
+    starts, edges_s = cells_of(observations.t_s, _CELLS)
     is_finite = np.isfinite(cn0_dbhz)
     total = np.add.reduceat(np.where(is_finite, cn0_dbhz, 0.0).sum(axis=1), starts, axis=0)
     count = np.add.reduceat(is_finite.sum(axis=1), starts, axis=0)
@@ -96,7 +96,6 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
     names = [f"{a} {b}" for a, b in zip(observations.satellites, observations.signals, strict=True)]
     is_stated = bool(is_finite.any())
     title = "C/N0, dBHz, mean over antennas" if is_stated else "tracked channels: no C/N0 recorded"
-    edges_s = np.append(observations.t_s[starts], observations.t_s[-1])
     levels = [f"below {_LEVELS_DBHZ[0]:g}", *(f"{level:g}+" for level in _LEVELS_DBHZ)]
     colours = dict(zip(levels, CN0_COLOURS, strict=True))
     for first in range(0, len(shown), _MOST):
@@ -119,7 +118,7 @@ def channel_charts(title: str, unit: str, series: Sequence[_Channels], time: Spa
         (name, column) for _, y, names in means for name, column in zip(names, y.T, strict=True)
     ]
     channels = sorted({name for name, column in columns if np.isfinite(column).any()})
-    sizes = [np.nanpercentile(y, 99.0) for _, y, _ in means if np.isfinite(y).any()]
+    sizes = [float(np.nanpercentile(y, 99.0)) for _, y, _ in means if np.isfinite(y).any()]
     full = float(np.median(sizes or [1.0])) or 1.0
     charts = []
     for first in range(0, len(channels), _CHANNELS):
