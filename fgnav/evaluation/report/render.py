@@ -32,7 +32,6 @@ STYLE: Any = {
     "font.size": 6.5,
     "axes.titlesize": 6.5,
     "axes.titlelocation": "left",
-    "axes.titlepad": 3.0,
     "axes.labelpad": 1.0,
     "axes.linewidth": 0.4,
     "axes.edgecolor": DIM,
@@ -194,7 +193,7 @@ def _sheet(report: Report, title: str, rows: Sequence[_Row], high: float) -> Fig
             write(row.text, foot - _LINE, _SIZE, family="monospace")
         for column, chart in enumerate(row.charts):
             axes = _draw(figure, chart, styles, (_MARGIN + column * (WIDTH + _GAP), top + 6))
-            axes.set_title(chart.title)
+            axes.set_title(chart.title, pad=chart.margins[1] - 4)
         top = foot
     return figure
 
