@@ -59,12 +59,12 @@ def styles_of(methods: Sequence[str]) -> dict[str, Style]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Line:
-    """A series of a method, or of what else ``styles_of`` has; ``half`` is half of a band's width.
+    """A series in the style of a method, or of what else ``styles_of`` has.
 
-    The band is around the line, or around zero.
+    ``half``, (n,), is half the width of a band around it, or around zero.
     """
 
-    of: str
+    style: str
     x: FloatArray
     y: FloatArray
     name: str = ""
@@ -122,18 +122,20 @@ class Chart:
     @property
     def description(self) -> str:
         """What is drawn, in words."""
-        names = dict.fromkeys([*(line.name or line.of for line in self.lines), *self.rows])
+        names = dict.fromkeys([*(line.name or line.style for line in self.lines), *self.rows])
         return f"{self.title}: {self.y} by {self.x}; {', '.join(names)}"
 
     def draw(self, axes: "Axes", styles: Mapping[str, Style]) -> None:
         """Draw: truth over the methods, smooth lines over rough ones."""
         if self.cells is not None:
             _draw_cells(axes, self.cells)
-        behind = sorted(self.lines, key=lambda one: (one.of == TRUTH, not one.dots, -one.roughness))
+        behind = sorted(
+            self.lines, key=lambda one: (one.style == TRUTH, not one.dots, -one.roughness)
+        )
         for line, width in zip(behind, np.linspace(_THICK, _THIN, len(behind)), strict=True):
-            is_thin = line.of == TRUTH or len(behind) == 1
+            is_thin = line.style == TRUTH or len(behind) == 1
             thickness = _THIN if is_thin else float(width)
-            _draw_line(axes, line, styles[line.of], thickness, in_time=self.x == TIME)
+            _draw_line(axes, line, styles[line.style], thickness, in_time=self.x == TIME)
         for value, text in self.rules.items():
             axes.axhline(value, color=DIM, linestyle="--", linewidth=0.5)
             pale = {"facecolor": "#ffffff", "alpha": 0.7, "linewidth": 0, "pad": 0.3}
@@ -251,18 +253,18 @@ def spanning(lines: Sequence[Line]) -> Span | None:
 def _draw_line(axes: "Axes", line: Line, style: Style, width: float, *, in_time: bool) -> None:
     """Draw a band, and a line, both broken at gaps of time, or a fair sample of dots."""
     same: dict[str, Any] = {"color": style.colour, "gid": style.group}
-    few = slice(None, None, -(-len(line.x) // _MOST) or 1)
+    sample = slice(None, None, -(-len(line.x) // _MOST) or 1)
     steps = np.diff(line.x)
     usual = np.median(steps[steps > 0]) if in_time and (steps > 0).any() else np.inf
     gaps = np.flatnonzero(steps > _GAP * usual) + 1
     x, y = np.insert(line.x, gaps, line.x[gaps]), np.insert(line.y, gaps, np.nan)
     if line.half is not None:
         middle, half = 0 * y if line.is_around_zero else y, np.insert(line.half, gaps, np.nan)
-        ends = (middle - half)[few], (middle + half)[few]
-        axes.fill_between(x[few], *ends, alpha=0.2, linewidth=0.3, **same)
+        ends = (middle - half)[sample], (middle + half)[sample]
+        axes.fill_between(x[sample], *ends, alpha=0.2, linewidth=0.3, **same)
     if line.dots:
         size = _LARGE if len(x) <= _FEW else _SMALL
-        axes.plot(x[few], y[few], "o", markersize=size, markeredgewidth=0, **same)
+        axes.plot(x[sample], y[sample], "o", markersize=size, markeredgewidth=0, **same)
     else:
         axes.plot(x, y, linewidth=width, linestyle=style.dashes, **same)
 

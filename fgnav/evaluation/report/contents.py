@@ -3,7 +3,7 @@
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.charts import Span
 from fgnav.evaluation.report.parts import Report, folded, paragraph, report
-from fgnav.evaluation.report.sections.consistency import consistency_blocks
+from fgnav.evaluation.report.sections.consistency import consistency_blocks, separation_blocks
 from fgnav.evaluation.report.sections.epochs import integer_blocks, quality_strips
 from fgnav.evaluation.report.sections.errors import error_charts, sigma_charts
 from fgnav.evaluation.report.sections.facts import (
@@ -15,7 +15,6 @@ from fgnav.evaluation.report.sections.facts import (
 from fgnav.evaluation.report.sections.inertial import allan_blocks
 from fgnav.evaluation.report.sections.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.sections.receivers import receiver_blocks
-from fgnav.evaluation.report.sections.separation import separation_blocks
 from fgnav.evaluation.report.sections.signals import residual_blocks, sky_charts
 from fgnav.evaluation.report.summary import method_table, remarks
 from fgnav.types.flight import Flight

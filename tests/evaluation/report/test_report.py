@@ -301,7 +301,7 @@ def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
     assert len(page(comparison_report(compare(flight, methods), flight))) < 7e6
     y = np.zeros(len(t_s))
     y[12_345], y[20_001] = 5.0, -7.0
-    spiky = Chart(title="t", y="y", lines=[Line(of=TRUTH, x=t_s, y=y)], y_limits=(-10, 10))
+    spiky = Chart("t", "y", [Line(TRUTH, t_s, y)], y_limits=(-10, 10))
     drawn_page = page(Report("r", ["m"], [Part("a", "A", [Grid([spiky])])]))
     (figure,) = re.findall(r"<svg .*?</svg>", drawn_page)
     paths = re.findall(r'd="([^"]*)" clip-path[^>]*stroke: var\(--c1a1a1a\)', figure)
@@ -313,7 +313,7 @@ def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
 
 def test_lines_break_at_gaps_and_where_an_angle_wraps(flown_report):
     t_s = np.concatenate([np.arange(0, 5, 0.1), np.arange(9, 12, 0.1)])
-    chart = Chart(title="t", y="y", lines=[Line(of=TRUTH, x=t_s, y=np.ones(len(t_s)))])
+    chart = Chart("t", "y", [Line(TRUTH, t_s, np.ones(len(t_s)))])
     (line,) = drawn(chart, flown_report).lines
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(line.get_ydata())), [50])
     angle_deg = np.array([170.0, 179.0, -179.0, -170.0, -60.0, 40.0, 60.0])

@@ -41,7 +41,7 @@ _RATES = (
 class _States(NamedTuple):
     """What is drawn of a method, of fixes or of the truth; None where there is none."""
 
-    of: str
+    style: str
     name: str
     t_s: FloatArray
     R_nb: FloatArray | None
@@ -51,7 +51,7 @@ class _States(NamedTuple):
 
     def line(self, x: FloatArray, y: FloatArray) -> Line:
         """Return a line, or dots of fixes."""
-        return Line(self.of, x, y, self.name, dots=self.of == FIXES)
+        return Line(self.style, x, y, self.name, dots=self.style == FIXES)
 
 
 def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
@@ -69,10 +69,7 @@ def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Bloc
 
 
 def _states(flight: Flight, methods: Sequence[Method]) -> Iterator[_States]:
-    """Yield states of fixes, methods and the truth."""
-    for fixes in flight.fixes:
-        name = f"fixes of {fixes.antenna}"
-        yield _States(FIXES, name, fixes.t_s, None, None, fixes.v_n_mps, fixes.p_n_m)
+    """Yield states of methods, the truth and fixes."""
     for method in methods:
         estimate = method.estimate
         if estimate is not None and len(estimate.t_s):
@@ -87,32 +84,35 @@ def _states(flight: Flight, methods: Sequence[Method]) -> Iterator[_States]:
     if truth is not None and len(truth.t_s):
         euler_deg = np.degrees(to_euler(truth.R_nb))
         yield _States(TRUTH, TRUTH, truth.t_s, truth.R_nb, euler_deg, truth.v_n_mps, truth.p_n_m)
+    for fixes in flight.fixes:
+        name = f"fixes of {fixes.antenna}"
+        yield _States(FIXES, name, fixes.t_s, None, None, fixes.v_n_mps, fixes.p_n_m)
 
 
-def _series(flight: Flight, of: _States) -> Series:
+def _series(flight: Flight, states: _States) -> Series:
     """Yield angles, those of baselines too, velocities and height."""
-    if of.R_nb is not None and of.euler_deg is not None:
-        angles_deg = dict(zip(EULER, of.euler_deg.T, strict=True))
+    if states.R_nb is not None and states.euler_deg is not None:
+        angles_deg = dict(zip(EULER, states.euler_deg.T, strict=True))
         for name, unit_b in reported_baselines(flight).items():
-            azimuth_deg, elevation_deg = np.degrees(azimuth_elevation(of.R_nb @ unit_b)).T
+            azimuth_deg, elevation_deg = np.degrees(azimuth_elevation(states.R_nb @ unit_b)).T
             angles_deg |= {f"azimuth, {name}": azimuth_deg, f"elevation, {name}": elevation_deg}
         for name, angle_deg in angles_deg.items():
-            yield name, "angle, deg", _angle_line(of, angle_deg)
-    if of.v_n_mps is not None:
-        for axis, velocity_mps in zip(NORTH_EAST_DOWN, of.v_n_mps.T, strict=True):
-            yield f"velocity {axis}", "velocity, m/s", of.line(of.t_s, velocity_mps)
-    if of.p_n_m is not None:
-        height_m = flight.origin.height_m - of.p_n_m[:, 2]
-        yield "height above the ellipsoid", "height, m", of.line(of.t_s, height_m)
+            yield name, "angle, deg", _angle_line(states, angle_deg)
+    if states.v_n_mps is not None:
+        for axis, velocity_mps in zip(NORTH_EAST_DOWN, states.v_n_mps.T, strict=True):
+            yield f"velocity {axis}", "velocity, m/s", states.line(states.t_s, velocity_mps)
+    if states.p_n_m is not None:
+        height_m = flight.origin.height_m - states.p_n_m[:, 2]
+        yield "height above the ellipsoid", "height, m", states.line(states.t_s, height_m)
 
 
-def _angle_line(of: _States, angle_deg: FloatArray) -> Line:
+def _angle_line(states: _States, angle_deg: FloatArray) -> Line:
     """Return a line broken where the angle wraps, or dots where it does so often."""
     continuous_deg = unjumped_deg(angle_deg)
     wraps = int((np.isnan(continuous_deg) & np.isfinite(angle_deg)).sum())
     if wraps > min(_WRAPS, 0.3 * len(angle_deg)):
-        return Line(of.of, of.t_s, angle_deg, of.name, dots=True)
-    return of.line(of.t_s, continuous_deg)
+        return Line(states.style, states.t_s, angle_deg, states.name, dots=True)
+    return states.line(states.t_s, continuous_deg)
 
 
 def rate_and_bias_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:

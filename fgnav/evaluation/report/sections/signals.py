@@ -126,13 +126,13 @@ def channel_charts(title: str, unit: str, series: Sequence[_Channels], time: Spa
         lines = []
         for of, y, names in means:
             parts = dict(zip(names, (y.T / full).clip(None, 1), strict=True))
-            up = [
+            heights = [
                 np.append(k + 0.45 - 0.9 * parts[name], np.nan)
                 for k, name in enumerate(rows)
                 if name in parts
             ]
-            if up:
-                lines.append(Line(of, np.tile(middle_s, len(up)), np.concatenate(up)))
+            if heights:
+                lines.append(Line(of, np.tile(middle_s, len(heights)), np.concatenate(heights)))
         named = f"{title}: RMS, {unit}; row height {full:.3g} {unit}"
         height = 30 + 13.0 * len(rows)
         charts.append(Chart(named, lines=lines, rows=rows, x_limits=time, height=height))
