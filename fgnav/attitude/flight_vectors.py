@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.attitude.imu_rotation import ImuRotation
 from fgnav.attitude.receiver_baselines import heading_baselines, with_pitch
 from fgnav.attitude.vector_pairs import VectorPairs, stacked, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
@@ -91,7 +91,7 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
 
 
 def measured_vectors(
-    flight: Flight, track: Track, own: OwnRotation | None = None, *, causal: bool = False
+    flight: Flight, track: Track, own: ImuRotation | None = None, *, causal: bool = False
 ) -> tuple[VectorPairs, tuple[Loss, ...]]:
     """Return the pairs that instruments give in both frames: force, line of sight, baselines.
 

@@ -40,7 +40,7 @@ def posterior_bound(flight: Flight, prepared: PreparedFlight) -> FloatArray:
     .. [1] Tichavsky, Muravchik, Nehorai: Posterior Cramer-Rao bounds for discrete-time nonlinear
        filtering, IEEE Trans. Signal Processing 46, 1998, eqs. 3 and 21.
     """
-    from fgnav.solve.descent import posterior_at  # noqa: PLC0415  # lazy: its kernels
+    from fgnav.solve.gauss_newton import posterior_at  # noqa: PLC0415  # lazy: its kernels
 
     states = true_states(flight, prepared)
     return np.asarray(posterior_at(prepared.problem, states).covariance[:, :3, :3])

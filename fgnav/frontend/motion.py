@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import spun
+from fgnav.attitude.imu_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.calibration_request import MEAN_RATE

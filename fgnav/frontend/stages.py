@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import own_rotation, spun
+from fgnav.attitude.imu_rotation import imu_rotation, spun
 from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import of_arrays, without_array
@@ -174,7 +174,7 @@ def chosen_keyframes(
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
     if carries and start.own is None:
         first_s = float(start.t_s[start.valid.argmax()])
-        start = replace(start, own=own_rotation(imu), heading_from_s=first_s)
+        start = replace(start, own=imu_rotation(imu), heading_from_s=first_s)
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses

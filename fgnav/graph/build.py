@@ -112,26 +112,6 @@ def insert_variables(
             values.insert(key, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
 
 
-def read_keyframes(values: gtsam.Values, layout: Layout, numbers: Iterable[int]) -> States:
-    """Return keyframes and constants that stand in values."""
-    poses, v_n_mps, aux = [], [], []
-    for k in numbers:
-        pose, velocity, vector = layout.keyframe(k)
-        poses.append(values.atPose3(pose))
-        v_n_mps.append(values.atVector(velocity))
-        aux.append(
-            values.atConstantBias(vector).vector() if layout.gyroscope else values.atVector(vector)
-        )
-    parts = [values.atVector(key) for key in layout.constant_keys]
-    return States(
-        R_nb=np.array([pose.rotation().matrix() for pose in poses]),
-        p_n_m=np.array([pose.translation() for pose in poses]),
-        v_n_mps=np.array(v_n_mps),
-        aux=np.array(aux),
-        constants=np.concatenate([np.empty(0), *parts]),
-    )
-
-
 def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
     """Return the biases of a state with a gyroscope, (6,), as GTSAM's type."""
     return gtsam.imuBias.ConstantBias(aux[:3], aux[3:])
@@ -204,39 +184,6 @@ def constant_priors(constants: Constants) -> list[gtsam.NonlinearFactor]:
         gtsam.PriorFactorVector(keys.constant(i), part.mean, covariance(part.covariance))
         for i, part in enumerate(constants.parts)
     ]
-
-
-def flight_graph(
-    problem: SmoothingProblem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
-) -> gtsam.NonlinearFactorGraph:
-    """Return all factors of a flight; keyframe k is row k.
-
-    Parameters
-    ----------
-    problem : SmoothingProblem
-    about : States
-        Where motion is preintegrated.
-    own : iterable of gtsam.NonlinearFactor
-        Factors of one's own.
-    """
-    graph, measured = gtsam.NonlinearFactorGraph(), KeyframeMeasurements(problem)
-    for factor in (*keyframe_priors(problem), *constant_priors(problem.constants)):
-        graph.add(factor)
-    for k in range(len(problem.t_s)):
-        if k:
-            for factor in problem.motion.factors(k - 1, k - 1, k, about.at(slice(k - 1, k))):
-                graph.add(factor)
-        for factor in measured.factors(k, k):
-            graph.add(factor)
-    phase = problem.phase
-    if phase is not None:
-        for j in range(len(phase.blocks)):
-            graph.add(phase.entering(j))
-        for i, k in enumerate(phase.row.tolist()):
-            graph.add(phase.factor(i, k))
-    for factor in own:
-        graph.add(factor)
-    return graph
 
 
 def flight_values(

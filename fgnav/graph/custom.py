@@ -1,4 +1,4 @@
-"""Factors of one's own: the door to GTSAM's ``CustomFactor`` that checks what it is handed.
+"""Custom factors: the door to GTSAM's ``CustomFactor`` that checks what it is handed.
 
 GTSAM takes any matrix for a Jacobian. Of one with too few rows or columns it reads beyond the end:
 the process dies, or the estimate is wrong without a word; NaN comes back as "indeterminate" or as
@@ -25,7 +25,7 @@ Noise: TypeAlias = ArrayLike | gtsam.noiseModel.Base
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class OwnFactor:
+class NamedFactor:
     """A factor of a graph with the name that reports call it by.
 
     Attributes
@@ -50,8 +50,8 @@ def residual_factor(
     *,
     jacobian: Jacobian | None = None,
     dimension: int | None = None,
-) -> OwnFactor:
-    """Return a factor of one's own, whose every shape is checked before GTSAM sees it.
+) -> NamedFactor:
+    """Return a custom factor, whose every shape is checked before GTSAM sees it.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def residual_factor(
 
     Returns
     -------
-    OwnFactor
+    NamedFactor
 
     Raises
     ------
@@ -98,10 +98,10 @@ def residual_factor(
     checked = ResidualModel(
         name=name, keys=keys_of, residual=residual, jacobian=jacobian, rows=rows
     )
-    return OwnFactor(name, gtsam.CustomFactor(model, list(keys_of), checked.error), checked)
+    return NamedFactor(name, gtsam.CustomFactor(model, list(keys_of), checked.error), checked)
 
 
-def named(factor: OwnFactor | gtsam.NonlinearFactor) -> OwnFactor:
+def named(factor: NamedFactor | gtsam.NonlinearFactor) -> NamedFactor:
     """Return a factor with its name: a plain one of GTSAM is called by its class.
 
     GTSAM keeps no name with a factor; whoever adds it to a graph keeps this beside it.
@@ -111,28 +111,28 @@ def named(factor: OwnFactor | gtsam.NonlinearFactor) -> OwnFactor:
     BadInputError
         If it is no factor.
     """
-    if isinstance(factor, OwnFactor):
+    if isinstance(factor, NamedFactor):
         return factor
     if not isinstance(factor, gtsam.NonlinearFactor):
         raise BadInputError(
             f"factors: must be gtsam factors or residual_factor's, got {type(factor).__name__}"
         )
-    return OwnFactor(type(factor).__name__, factor)
+    return NamedFactor(type(factor).__name__, factor)
 
 
-def newest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
+def newest_keyframe(factor: NamedFactor | gtsam.NonlinearFactor) -> int:
     """Return the number of the newest keyframe that a factor touches; -1 of none."""
     keys_of = named(factor).factor.keys()
     return max((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
 
 
-def oldest_keyframe(factor: OwnFactor | gtsam.NonlinearFactor) -> int:
+def oldest_keyframe(factor: NamedFactor | gtsam.NonlinearFactor) -> int:
     """Return the number of the oldest keyframe that a factor touches; -1 of none."""
     keys_of = named(factor).factor.keys()
     return min((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
 
 
-def check_factor(factor: OwnFactor, values: gtsam.Values) -> None:
+def check_factor(factor: NamedFactor, values: gtsam.Values) -> None:
     """Evaluate a factor once, Jacobians too, before GTSAM does.
 
     Raises
@@ -157,7 +157,7 @@ def check_factor(factor: OwnFactor, values: gtsam.Values) -> None:
         raise BadInputError(f"factor {factor.name!r}: its error is not finite")
 
 
-def jacobian_misfit(factor: OwnFactor, values: gtsam.Values) -> float:
+def jacobian_misfit(factor: NamedFactor, values: gtsam.Values) -> float:
     """Return by how much a factor's Jacobians are off central differences, of the largest element.
 
     About 1e-9 of right ones; for tests of one's own factors.
@@ -171,7 +171,7 @@ def jacobian_misfit(factor: OwnFactor, values: gtsam.Values) -> float:
     return float(np.abs(given - expected).max() / max(np.abs(expected).max(), STEP))
 
 
-def raise_pending(factors: Iterable[OwnFactor]) -> None:
+def raise_pending(factors: Iterable[NamedFactor]) -> None:
     """Raise the first error that a factor met while GTSAM evaluated it, if there is one.
 
     Raises

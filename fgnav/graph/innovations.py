@@ -20,7 +20,7 @@ from scipy.special import chdtr, chdtri
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_variables
-from fgnav.graph.custom import OwnFactor
+from fgnav.graph.custom import NamedFactor
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
 from fgnav.graph.innovation.place_by_code import place_innovation
 from fgnav.graph.types.measurement import Measurement
@@ -162,7 +162,7 @@ def innovations_of(
 
 
 def custom_innovations(
-    factors: Sequence[OwnFactor],
+    factors: Sequence[NamedFactor],
     layout: Layout,
     t_s: FloatArray,
     solution: Solution,
@@ -176,7 +176,7 @@ def custom_innovations(
 
     Parameters
     ----------
-    factors : sequence of OwnFactor
+    factors : sequence of NamedFactor
     layout : Layout
     t_s : ndarray, shape (n,)
         Of the solution's keyframes.
@@ -207,7 +207,7 @@ def custom_innovations(
 
 
 class _Own(NamedTuple):
-    """A factor of one's own, linearised at a solution."""
+    """A custom factor, linearised at a solution."""
 
     r: FloatArray  # (m,), whitened
     J: FloatArray  # (m, d)

@@ -67,7 +67,7 @@ def _symbol(name: str, number: int) -> int:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Timeline:
-    """When the keyframes of a graph are: what a source of factors of one's own is given.
+    """When the keyframes of a graph are: what a source of custom factors is given.
 
     Keyframe k stands at ``t_s[k]``; its variables are ``pose(k)``, ``velocity(k)`` and, with a
     gyroscope, ``imu_bias(k)``, else ``angular_motion(k)``.

@@ -9,7 +9,7 @@ from fgnav.checks import Loss
 if TYPE_CHECKING:
     import gtsam
 
-    from fgnav.graph.custom import OwnFactor
+    from fgnav.graph.custom import NamedFactor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -18,17 +18,17 @@ class Sourced:
 
     Attributes
     ----------
-    factors : tuple of gtsam.NonlinearFactor or OwnFactor
+    factors : tuple of gtsam.NonlinearFactor or NamedFactor
     losses : tuple of Loss
         Answers that are left out, with the reason.
     notes : tuple of str
         What a reader of the result should know, one sentence each.
     """
 
-    factors: "tuple[gtsam.NonlinearFactor | OwnFactor, ...]" = ()
+    factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | OwnFactor]":
+    def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | NamedFactor]":
         """Yield the factors."""
         return iter(self.factors)

@@ -7,14 +7,14 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors
-from fgnav.attitude.own_rotation import own_rotation
+from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, stacked
 from fgnav.checks import Loss
 from fgnav.frontend.matching import nearest, unused
 from fgnav.geometry.earth import Origin
 from fgnav.gravity import GravityDirection, GravityEstimator
+from fgnav.methods.smoothing.custom_sources import with_networks
 from fgnav.methods.smoothing.default_networks import default_networks
-from fgnav.methods.smoothing.own_sources import with_networks
 from fgnav.types.flight import Flight
 
 # Who gives the direction of gravity; None: no pairs of gravity, and none of specific force.
@@ -39,7 +39,7 @@ def direction_pairs(
         has_gravity |= pair.valid[:, 0]
         losses += lost
     imu = None if gravity is None else flight.imu
-    own = None if imu is None else own_rotation(imu)
+    own = None if imu is None else imu_rotation(imu)
     measured, lost = measured_vectors(replace(flight, imu=imu), track, own)
     is_force = np.array([source == "specific force" for source in measured.sources], dtype=np.bool_)
     parts.append(measured.where(~(has_gravity[:, None] & is_force)))

@@ -24,11 +24,11 @@ from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.graph_summary import graph_summary
 from fgnav.methods.smoothing.joined import among, joined_estimates
-from fgnav.methods.smoothing.own_sources import FactorSource, own_factors
 from fgnav.methods.smoothing.solving import at_once, by_newest, by_window, without_attitudes
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
@@ -37,7 +37,7 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
-    from fgnav.graph.custom import OwnFactor
+    from fgnav.graph.custom import NamedFactor
     from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
@@ -276,16 +276,16 @@ class Smoother:
         prepared: PreparedFlight,
         rows: np.ndarray | None,
     ) -> Estimate:
-        prepared, sourced = own_factors(sources, flight, prepared)
-        own = sourced.factors
-        if own:
-            from fgnav.methods.smoothing.own_heading import with_own_heading  # noqa: PLC0415  # lazy: gtsam
+        prepared, sourced = custom_factors(sources, flight, prepared)
+        custom = sourced.factors
+        if custom:
+            from fgnav.methods.smoothing.custom_heading import with_custom_heading  # noqa: PLC0415  # lazy: gtsam
 
-            prepared = with_own_heading(prepared, own)
-        solution = self._solve(prepared, own)
+            prepared = with_custom_heading(prepared, custom)
+        solution = self._solve(prepared, custom)
         series = (
             *innovation_series(prepared.problem, solution),
-            *_custom_series(own, prepared, solution),
+            *_custom_series(custom, prepared, solution),
             *_force_series(flight, prepared),
         )
         estimate = estimate_of(self.name, prepared, solution, rows)
@@ -299,8 +299,8 @@ class Smoother:
             notes=(*estimate.notes, *sourced.notes),
         )
 
-    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return by_window(prepared, own, self.lag_s)
+    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+        return by_window(prepared, custom, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -326,8 +326,8 @@ class Forward(Smoother):
     def _waits_s(self) -> float:
         return 0.0
 
-    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return by_newest(prepared, own, self.lag_s)
+    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+        return by_newest(prepared, custom, self.lag_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,8 +348,8 @@ class Batch(Smoother):
     lag_s: float = 2.0
     name: str = "batch"
 
-    def _solve(self, prepared: PreparedFlight, own: "tuple[OwnFactor, ...]") -> Solution:
-        return at_once(prepared, own)
+    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+        return at_once(prepared, custom)
 
 
 def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationSeries, ...]:
@@ -386,12 +386,12 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
 
 
 def _custom_series(
-    own: "tuple[OwnFactor, ...]", prepared: PreparedFlight, solution: Solution
+    custom: "tuple[NamedFactor, ...]", prepared: PreparedFlight, solution: Solution
 ) -> tuple[InnovationSeries, ...]:
-    if not own:
+    if not custom:
         return ()
     from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
     from fgnav.graph.innovations import custom_innovations  # noqa: PLC0415
 
     problem = prepared.problem
-    return custom_innovations(own, Layout.of(problem), problem.t_s, solution)
+    return custom_innovations(custom, Layout.of(problem), problem.t_s, solution)

@@ -14,8 +14,8 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
+from fgnav.methods.smoothing.custom_sources import custom_constants, with_networks, with_timelines
 from fgnav.methods.smoothing.estimates import Body, stated
-from fgnav.methods.smoothing.own_sources import own_constants, with_networks, with_timelines
 from fgnav.methods.streaming.keyframe import Before, keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
 from fgnav.types.estimate import Consistency, Estimate
@@ -24,7 +24,7 @@ from fgnav.types.flight import Flight
 if TYPE_CHECKING:
     import gtsam
 
-    from fgnav.graph.custom import OwnFactor
+    from fgnav.graph.custom import NamedFactor
     from fgnav.solve.fixed_lag import Departed
 
 __all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamSetUp", "StreamSource"]
@@ -33,7 +33,7 @@ __all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamSetUp", "St
 _NEEDED = {"sight": "landmark_n_m", "height_m": "barometer", "field_b_ut": "magnetometer"}
 
 
-StreamSource = Callable[[Measurements, Timeline], "Iterable[gtsam.NonlinearFactor | OwnFactor]"]
+StreamSource = Callable[[Measurements, Timeline], "Iterable[gtsam.NonlinearFactor | NamedFactor]"]
 
 
 class Stream:
@@ -45,7 +45,7 @@ class Stream:
     lag_s : float
         Keyframes leave when they are known from the measurements up to this long after them.
     factors : tuple of callable
-        Sources of factors of one's own, asked at every update with the measurements and the
+        Sources of custom factors, asked at every update with the measurements and the
         timeline of all keyframes so far; what touches the newest keyframe enters.
 
     Examples
@@ -81,7 +81,7 @@ class Stream:
 
         self._set_up = set_up
         self._sources = with_networks(factors, set_up.networks)
-        self._asked = own_constants(self._sources)
+        self._asked = custom_constants(self._sources)
         self._times_s: list[float] = []  # of all keyframes; only for sources
         self._latest: SmoothingProblem | None = None
         self._body: Body | None = None
@@ -90,7 +90,7 @@ class Stream:
         self._count = 0
         self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
         self._losses: Counter[tuple[str, str]] = Counter()
-        self._judged: deque[OwnFactor] = deque()  # factors of one's own of keyframes kept
+        self._judged: deque[NamedFactor] = deque()  # custom factors of keyframes kept
 
     @staticmethod
     def replay(flight: Flight, method: Forward | None = None) -> Iterator[Estimate]:
@@ -163,8 +163,8 @@ class Stream:
                 earth_rate_n_radps=self._set_up.origin.earth_rate_n_radps,
                 gyroscope=measurements.imu.w_b_radps is not None,
             )
-        own = self._own(measurements, problem)
-        departed = self._window.update(problem, len(problem.t_s) - 1, own=own)
+        custom = self._custom(measurements, problem)
+        departed = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
         self._latest, self._last_s = problem, measurements.t_s
         self._count += 1
         rates = problem.motion.rates_b_radps(problem.t_s[-1:], np.zeros_like(problem.start.aux[:1]))
@@ -182,15 +182,15 @@ class Stream:
         """Return the keyframes that have not left, known from all that has come."""
         return self._estimate(self._window.rest())
 
-    def _own(
+    def _custom(
         self, measurements: Measurements, problem: SmoothingProblem
     ) -> "tuple[gtsam.NonlinearFactor, ...]":
-        """Return factors of one's own that touch the coming keyframe."""
+        """Return custom factors that touch the coming keyframe."""
         if not (self._sources or measurements.factors):
             return ()
         from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
         from fgnav.graph.custom import named  # noqa: PLC0415
-        from fgnav.solve.own_factors import entering_stream  # noqa: PLC0415
+        from fgnav.solve.custom_factors import entering_stream  # noqa: PLC0415
 
         layout = Layout.of(problem)
         bounds = (layout, self._window.oldest, self._count)
@@ -214,10 +214,10 @@ class Stream:
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
 
-    def _own_tests(
+    def _custom_tests(
         self, problem: SmoothingProblem, departed: "Departed"
     ) -> tuple[Consistency, ...]:
-        """Return how factors of one's own agree that leave with keyframes.
+        """Return how custom factors agree that leave with keyframes.
 
         Those that reach back to keyframes which left before have nothing to be held against.
         """
@@ -250,7 +250,7 @@ class Stream:
             ),
             constants=calibrated_constants(constants, solution),
             losses=self._lost() if leaving else (),
-            consistency=self._own_tests(self._latest, departed) if leaving else (),
+            consistency=self._custom_tests(self._latest, departed) if leaving else (),
         )
 
     def _lost(self) -> tuple[Loss, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, positive
 from fgnav.graph.correlation import inflation, interval_s
-from fgnav.graph.custom import OwnFactor
+from fgnav.graph.custom import NamedFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import FlightConstant, flight_constant
@@ -230,7 +230,7 @@ class NeuralFactor:
         records = self._records(have, flight)
         if records is None:
             return Sourced()
-        factors: list[OwnFactor] = []
+        factors: list[NamedFactor] = []
         lost: dict[str, int] = {}
         t_s = timeline.t_s
         for first in range(timeline.new, len(t_s), _AT_ONCE):
@@ -245,7 +245,7 @@ class NeuralFactor:
 
     def _factors(
         self, seen: Windows, timeline: Timeline, rows: IntArray, lost: dict[str, int]
-    ) -> list[OwnFactor]:
+    ) -> list[NamedFactor]:
         output, t_s = self._network.manifest.output, timeline.t_s
         usable = np.flatnonzero(seen.usable)
         from_row = np.full(len(rows), -1)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import log, skew
-from fgnav.graph.custom import OwnFactor, residual_factor
+from fgnav.graph.custom import NamedFactor, residual_factor
 from fgnav.graph.keys import pose, velocity
 from fgnav.graph.residual_model import Jacobian, Residual
 from fgnav.neural.manifest import Output
@@ -53,7 +53,7 @@ def factor_of(
     value: FloatArray,
     covariance: FloatArray,
     counted: Counted,
-) -> OwnFactor:
+) -> NamedFactor:
     """Return the factor of one output.
 
     Its error is ``P^(1/2) (sqrt(s) c + sqrt(1 - s) w)``: by the symmetric root of the covariance,
@@ -77,7 +77,7 @@ def factor_of(
     white = counted.inflation * (1 - counted.lasting) * P
     if counted.key < 0:
         if model.native is not None:
-            return OwnFactor(name, model.native(white))
+            return NamedFactor(name, model.native(white))
         return _factor(name, model.keys, model.residual, white, model.jacobian)
     by_constant = np.sqrt(counted.lasting) * _root(P) @ across
 
@@ -229,7 +229,7 @@ def _factor(
     residual: Residual,
     covariance: FloatArray,
     jacobian: Jacobian | None,
-) -> OwnFactor:
+) -> NamedFactor:
     """Return a factor of a covariance that is known to be positive."""
     noise = gtsam.noiseModel.Gaussian.Covariance(covariance)
     return residual_factor(name, keys, residual, noise, jacobian=jacobian)

@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
-from fgnav.solve.descent import Minimum, descended
+from fgnav.solve.gauss_newton import Minimum, gauss_newton
 
 # Scale of theta's prior. What is stated holds to a factor of 1.5. White noise of small inertial
 # units in motion is 1 to 200 times the figure of their data sheets, so the prior has the tails of
@@ -127,7 +127,7 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
     last: FloatArray = np.zeros(len(theta))
     for iteration in range(_ITERATIONS):
         problem = components.problem_at(theta)
-        minimum = descended(problem, begin=states, most=_DESCENT)
+        minimum = gauss_newton(problem, begin=states, most=_DESCENT)
         solution = minimum.solution
         states = solution.states
         score = components.score(theta, problem, solution)
@@ -156,7 +156,7 @@ def _begin(components: NoiseComponents, theta: FloatArray) -> tuple[FloatArray, 
         rows += int(problem.phase.freedom.sum())
     states = problem.start
     for _ in range(_RAISES):
-        solution = descended(components.problem_at(theta), most=_DESCENT).solution
+        solution = gauss_newton(components.problem_at(theta), most=_DESCENT).solution
         states = solution.states
         if solution.cost < _MISFIT * rows:
             break

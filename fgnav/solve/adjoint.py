@@ -32,10 +32,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.build import Layout
-from fgnav.graph.linear import linear_at_keyframe, linearised
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import keyframe_factor, linearise
 
 
 class Judged(NamedTuple):
@@ -92,8 +92,8 @@ class LinearisedFlight:
                 "differentiated; take flights with fixes"
             )
         rows = np.arange(len(problem.t_s))
-        linear = linearised(problem, rows, states, states.at(rows[:-1]))
-        return cls(problem, linear.by_oldest())
+        linear = linearise(problem, rows, states, states.at(rows[:-1]))
+        return cls(problem, linear.factors_by_keyframe())
 
     def likelihood(
         self,
@@ -141,7 +141,7 @@ class LinearisedFlight:
         a[at[:, None], which] = weighed / t
         outer = weighed[:, :, None] * weighed[:, None, :]
         B[at[:, None, None], which[:, None], which] = (information - outer) / (2 * t)
-        solved, blocks = (part[row] for part in _answers(posterior, a, B))
+        solved, blocks = (part[row] for part in _adjoint(posterior, a, B))
         W, mean = np.linalg.inv(covariance), posterior.mean[row]
         by_mean = np.einsum("mfv,mv->mf", J, solved)
         at_mean = residual + np.einsum("mfv,mv->mf", J, mean)
@@ -164,7 +164,7 @@ class LinearisedFlight:
         elimination = Elimination(layout, lambda k: float(t_s[k]))
         given: dict[int, list[gtsam.GaussianFactor]] = {}
         for k, rows in zip(row.tolist(), whitened, strict=True):
-            factor = linear_at_keyframe(layout, k, rows[:, 1:], -rows[:, 0])
+            factor = keyframe_factor(layout, k, rows[:, 1:], -rows[:, 0])
             given.setdefault(k, []).append(factor)
         for k, factors in enumerate(self.factors):
             elimination.append([*factors, *given.get(k, ())])
@@ -180,7 +180,7 @@ class LinearisedFlight:
         return _Posterior(mean, S, E)
 
 
-def _answers(posterior: _Posterior, a: FloatArray, B: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _adjoint(posterior: _Posterior, a: FloatArray, B: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return P a and the blocks of P B P of each keyframe and the constants, (n, V), (n, V, V)."""
     S, E = posterior.covariance, posterior.follows
     f, F = a.copy(), B.copy()

@@ -10,12 +10,12 @@ from fgnav.checks import NoSolutionError
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve.descent import ITERATIONS, Minimum, descended
+from fgnav.solve.custom_factors import Custom, CustomFactors
+from fgnav.solve.gauss_newton import ITERATIONS, Minimum, gauss_newton
 from fgnav.solve.minima import BEGIN_LAG_S, begins, distinct, mixture
-from fgnav.solve.own_factors import Own, OwnFactors
 
 
-def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Solution:
+def solve_batch(problem: SmoothingProblem, *, custom: Sequence[Custom] = ()) -> Solution:
     """Return each keyframe as known from all data.
 
     The search begins where a window of 2 s ended and at ``problem.start``: the likeliest minimum is
@@ -24,21 +24,21 @@ def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Soluti
     Parameters
     ----------
     problem : SmoothingProblem
-    own : sequence of gtsam.NonlinearFactor or NamedFactor
-        Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers.
+    custom : sequence of gtsam.NonlinearFactor or NamedFactor
+        Custom factors, over ``fgnav.graph.keys`` with rows of the problem for numbers.
 
     Raises
     ------
     BadInputError
-        If a factor of one's own touches a variable that is not there.
+        If a custom factor touches a variable that is not there.
     NoSolutionError
         If the data leave a state open, by name, wherever a search begins.
     """
-    entering = OwnFactors(own, problem)
+    entering = CustomFactors(custom, problem)
     ends, failure = [], NoSolutionError("state: there is nowhere to begin")
     for states in begins(problem, entering.within(BEGIN_LAG_S)):
         try:
-            ends.append(descended(problem, begin=states, own=entering.factors))
+            ends.append(gauss_newton(problem, begin=states, custom=entering.factors))
         except NoSolutionError as error:
             failure = error
     if not ends:
@@ -48,7 +48,7 @@ def solve_batch(problem: SmoothingProblem, *, own: Sequence[Own] = ()) -> Soluti
 
 def minimum(
     problem: SmoothingProblem,
-    own: Sequence[Own] = (),
+    custom: Sequence[Custom] = (),
     begin: States | None = None,
     most: int = ITERATIONS,
 ) -> Minimum:
@@ -56,4 +56,6 @@ def minimum(
 
     Given up after ``most`` iterations. Parameters and errors are those of ``solve_batch``.
     """
-    return descended(problem, begin=begin, own=OwnFactors(own, problem).factors, most=most)
+    return gauss_newton(
+        problem, begin=begin, custom=CustomFactors(custom, problem).factors, most=most
+    )

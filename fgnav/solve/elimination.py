@@ -150,14 +150,14 @@ class Elimination:
             try:
                 end, message = _eliminate(self._factors[i], self._messages[i], own)
             except RuntimeError as error:  # a variable that is in no factor
-                raise self._untouched(i) from error
+                raise self._unconstrained(i) from error
             self._ends.append(end)
             self._messages.append(message)
         if self._constants and self._root is None:
             self._root, _ = _eliminate((), self._messages[-1], self._constants)
 
     @property
-    def promised(self) -> float:
+    def predicted_decrease(self) -> float:
         """Return by how much the step lowers the sum of squares, if all were linear."""
         return float(sum(one.d @ one.d for one in self._all()))
 
@@ -292,7 +292,7 @@ class Elimination:
             return open_constant(column, self._layout.constants)
         return open_state(column, self._layout.width, self._t_s(self.oldest + i))
 
-    def _untouched(self, i: int) -> NoSolutionError:
+    def _unconstrained(self, i: int) -> NoSolutionError:
         """Return the error of the first variable of a keyframe that no factor touches."""
         entering = (*self._factors[i], self._messages[i])
         touched = {key for one in entering if one is not None for key in one.keys()}  # noqa: SIM118

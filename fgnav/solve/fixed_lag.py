@@ -6,7 +6,7 @@ from dataclasses import replace
 from fgnav.graph.types.problem import Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.progress import steps
-from fgnav.solve.own_factors import Own, OwnFactors
+from fgnav.solve.custom_factors import Custom, CustomFactors
 from fgnav.solve.sliding.departed import Departed, joined_solution, opened
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.solve.sliding.window import FixedLag
@@ -18,7 +18,7 @@ def solve_fixed_lag(
     problem: SmoothingProblem,
     lag_s: float,
     *,
-    own: Sequence[Own] = (),
+    custom: Sequence[Custom] = (),
     keep_linearisation: bool = False,
     opening: Opening | None = None,
 ) -> Solution:
@@ -30,20 +30,20 @@ def solve_fixed_lag(
     lag_s : float
         Length of the window; a block, of a second or of the lag if that is shorter, is added to it
         before keyframes leave.
-    own : sequence of gtsam.NonlinearFactor or NamedFactor
-        Factors of one's own, over ``fgnav.graph.keys`` with rows of the problem for numbers. Each
+    custom : sequence of gtsam.NonlinearFactor or NamedFactor
+        Custom factors, over ``fgnav.graph.keys`` with rows of the problem for numbers. Each
         enters with the last keyframe that it touches.
     keep_linearisation : bool
         As in ``FixedLag``.
     opening : Opening, optional
         Keyframes that leave while it holds are as a window over it has them; one over the problem
-        has the others, and begins at the first keyframe, too. Factors of one's own are not in the
+        has the others, and begins at the first keyframe, too. Custom factors are not in the
         former: its heading is arbitrary, and one that speaks of it would tilt the body.
 
     Raises
     ------
     BadInputError
-        If a factor of one's own touches a variable that is not there, or one that has left.
+        If a custom factor touches a variable that is not there, or one that has left.
     NoSolutionError
         If the data leave a state open.
     """
@@ -52,7 +52,7 @@ def solve_fixed_lag(
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
         keep = keep_linearisation and of is problem
         window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
-        entering = OwnFactors(own if of is problem else (), of)
+        entering = CustomFactors(custom if of is problem else (), of)
         parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
         if end == len(of.t_s) and len(window):
             parts.append(window.rest())
@@ -65,7 +65,7 @@ def solve_forward(
     problem: SmoothingProblem,
     lag_s: float,
     *,
-    own: Sequence[Own] = (),
+    custom: Sequence[Custom] = (),
     keep_linearisation: bool = False,
     opening: Opening | None = None,
 ) -> Solution:
@@ -76,7 +76,7 @@ def solve_forward(
 
     def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
         window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
-        entering, parts = OwnFactors(own, of), list[Departed | None]()
+        entering, parts = CustomFactors(custom, of), list[Departed | None]()
         for row in steps(end):
             window.advance(of, row, entering.at(row, window.oldest))
             parts.append(window.newest())

@@ -23,7 +23,7 @@ from fgnav.geometry.rotations import exp, wrap
 from fgnav.graph.types.problem import AttitudePrior, Opening, SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
-from fgnav.solve.descent import Minimum
+from fgnav.solve.gauss_newton import Minimum
 from fgnav.solve.minima import mixture
 from fgnav.types.estimate import open_angle_variance_rad2
 

@@ -16,7 +16,7 @@ from fgnav.evaluation.posterior_bound import (
 )
 from fgnav.evaluation.scores import Angles
 from fgnav.geometry.rotations import euler_jacobian
-from fgnav.graph.build import Layout, flight_graph, flight_values
+from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.factors.position import Position
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward
@@ -24,6 +24,7 @@ from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.simulate import simulate
 from tests.benchmarks.consistency import cases, with_prior
 from tests.methods.simulated import flown
+from tests.solve.flights import flight_graph
 
 BATCH = Batch(resolver=Truth())
 ARM_B_M = (0.3, -0.1, 0.2)

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.attitude.own_rotation import own_rotation
+from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.frontend.attitude.rates import angular_rates, rough_rates, swing_n_mps
 from fgnav.geometry import rotations
 from tests.frontend.test_gaps import record
@@ -50,7 +50,7 @@ def test_a_spin_of_more_than_half_a_turn_between_attitudes_is_known_from_its_gyr
     t_s = np.arange(0, 3, 0.1)
     imu = record(np.arange(0, 3, 0.002), gyro=True)
     imu = dataclasses.replace(imu, w_b_radps=np.tile(spin, (len(imu.t_s), 1)))
-    own = own_rotation(imu)
+    own = imu_rotation(imu)
     R_nb = rotations.exp(t_s[:, None] * spin)
     without = record(np.arange(0, 3, 0.002))
     rates = rough_rates(without, t_s, R_nb, own)

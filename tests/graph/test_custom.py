@@ -5,7 +5,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.graph import keys
 from fgnav.graph.custom import (
-    OwnFactor,
+    NamedFactor,
     check_factor,
     jacobian_misfit,
     named,
@@ -213,7 +213,7 @@ def test_a_factor_without_sense_is_refused(name, given, noise, dimension, text):
 def test_a_factor_keeps_its_name_and_says_which_keyframe_it_needs():
     own = residual_factor("odometry", [V0, V1, keys.constant(7)], lambda *_: [0.0], np.ones(1))
     assert named(own) is own
-    assert isinstance(own, OwnFactor)
+    assert isinstance(own, NamedFactor)
     assert newest_keyframe(own) == 1
     plain = gtsam.PriorFactorVector(keys.constant(3), np.zeros(3), None)
     assert named(plain).name == "PriorFactorVector"

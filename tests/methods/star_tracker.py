@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.geometry import rotations
 from fgnav.graph import pose
-from fgnav.graph.custom import OwnFactor, residual_factor
+from fgnav.graph.custom import NamedFactor, residual_factor
 from fgnav.integers.resolvers.truth import attitude_at
 
 NAME = "star tracker"
@@ -47,4 +47,4 @@ def own(k, R_nb):
 def native(k, R_nb):
     """Return the same as GTSAM has it, with a name for reports."""
     noise = gtsam.noiseModel.Isotropic.Sigma(3, SIGMA_RAD)
-    return OwnFactor(NAME, gtsam.PoseRotationPrior3D(pose(k), gtsam.Rot3(R_nb), noise))
+    return NamedFactor(NAME, gtsam.PoseRotationPrior3D(pose(k), gtsam.Rot3(R_nb), noise))

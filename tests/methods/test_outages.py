@@ -9,7 +9,7 @@ import pytest
 from fgnav.geometry.interpolation import interpolate
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.solve.descent import descended, posterior_at
+from fgnav.solve.gauss_newton import gauss_newton, posterior_at
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.simulate import simulate
 from tests.frontend.test_gaps import with_hole
@@ -140,7 +140,7 @@ def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, s
 
 def test_a_search_along_a_valley_ends_where_a_newton_step_is_short():
     problem = Batch(noise="stated").prepare(without_satellites(20_104)).problem
-    end = descended(problem).solution
+    end = gauss_newton(problem).solution
     assert end.converged
     assert end.updates > 10  # where Newton's own steps lead, five or six are enough
     assert posterior_at(problem, end.states).converged

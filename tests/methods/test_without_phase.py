@@ -78,7 +78,7 @@ def spin_that_nobody_tells():
     """Return a flight of 1.2 turns a second, and its problem without own rotations."""
     flight = first_half(4)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(vector_alignment, "own_rotation", lambda _: None)
+        patch.setattr(vector_alignment, "imu_rotation", lambda _: None)
         return flight, Batch().prepare(flight)
 
 
@@ -87,7 +87,7 @@ def test_a_spin_that_nobody_tells_is_solved_from_where_it_seems_not_to_turn(
     spin_that_nobody_tells, method, monkeypatch
 ):
     """No attitude of single epochs for seconds: a long valley leads there."""
-    monkeypatch.setattr(vector_alignment, "own_rotation", lambda _: None)
+    monkeypatch.setattr(vector_alignment, "imu_rotation", lambda _: None)
     flight, prepared = spin_that_nobody_tells
     assert method().preparation == Batch().preparation
     estimate = method().estimate_prepared(flight, prepared)

@@ -11,7 +11,7 @@ from fgnav.methods.smoother import Smoother
 from fgnav.noise.components import AT_REST, NoiseComponents, Standstill
 from fgnav.noise.decimation import decimated
 from fgnav.noise.nominal import scalable
-from fgnav.solve.descent import descended
+from fgnav.solve.gauss_newton import gauss_newton
 from tests.robustness.drawn.flights import right_flight
 
 STEP = 0.02  # of theta
@@ -30,7 +30,7 @@ def components_of(kind, seed, standstill=None):
 
 def evidence(components, theta):
     problem = components.problem_at(theta)
-    return descended(problem).log_evidence
+    return gauss_newton(problem).log_evidence
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_the_gradient_is_that_of_the_marginal_likelihood(kind, standstill):
     components = components_of(kind, 94_000, standstill)
     theta = np.linspace(-0.4, 0.5, len(components.names))
     problem = components.problem_at(theta)
-    score = components.score(theta, problem, descended(problem).solution)
+    score = components.score(theta, problem, gauss_newton(problem).solution)
     for i, axis in enumerate(np.eye(len(theta))):
         ends = [evidence(components, theta + sign * STEP * axis) for sign in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * STEP)
@@ -51,7 +51,9 @@ def test_the_gradient_is_that_of_the_marginal_likelihood(kind, standstill):
 def test_a_factor_of_one_changes_nothing():
     components = components_of("fixes", 94_001)
     theta = np.zeros(len(components.names))
-    solved = [descended(one).solution for one in (components.problem, components.problem_at(theta))]
+    solved = [
+        gauss_newton(one).solution for one in (components.problem, components.problem_at(theta))
+    ]
     np.testing.assert_allclose(solved[0].states.R_nb, solved[1].states.R_nb, atol=1e-9)
     np.testing.assert_allclose(solved[0].cost, solved[1].cost, rtol=1e-9)
 
@@ -68,7 +70,7 @@ def test_nominal_noise_has_no_slope_beyond_chance():
         components = components_of("fixes", seed)
         theta = np.zeros(len(components.names))
         problem = components.problem_at(theta)
-        score = components.score(theta, problem, descended(problem).solution)
+        score = components.score(theta, problem, gauss_newton(problem).solution)
         slopes.append(score.gradient / np.sqrt(np.diag(score.information)))
     assert np.abs(slopes).max() < 4.5
     assert np.mean(np.square(slopes)) < 2.0

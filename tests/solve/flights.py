@@ -1,11 +1,14 @@
 """Short simulated flights as smoothing problems, with the truth."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
+from fgnav.graph.build import KeyframeMeasurements, constant_priors, keyframe_priors
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
@@ -175,3 +178,27 @@ def sigma_ratio(one: Solution, other: Solution) -> float:
     """How unlike the sigmas of two solutions are at most: 0 of the same."""
     ratio = np.einsum("nii->ni", one.covariance) / np.einsum("nii->ni", other.covariance)
     return float(np.abs(np.sqrt(ratio) - 1).max())
+
+
+def flight_graph(
+    problem: SmoothingProblem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
+) -> gtsam.NonlinearFactorGraph:
+    """All factors of a flight, motion preintegrated about states; keyframe k is row k."""
+    graph, measured = gtsam.NonlinearFactorGraph(), KeyframeMeasurements(problem)
+    for factor in (*keyframe_priors(problem), *constant_priors(problem.constants)):
+        graph.add(factor)
+    for k in range(len(problem.t_s)):
+        if k:
+            for factor in problem.motion.factors(k - 1, k - 1, k, about.at(slice(k - 1, k))):
+                graph.add(factor)
+        for factor in measured.factors(k, k):
+            graph.add(factor)
+    phase = problem.phase
+    if phase is not None:
+        for j in range(len(phase.blocks)):
+            graph.add(phase.transition_factor(j))
+        for i, k in enumerate(phase.row.tolist()):
+            graph.add(phase.factor(i, k))
+    for factor in own:
+        graph.add(factor)
+    return graph

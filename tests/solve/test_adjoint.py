@@ -1,4 +1,4 @@
-"""The likelihood of the truth under a flight's posterior, and its gradient by given measurements."""
+"""The likelihood of the truth under a posterior, and its gradient by given measurements."""
 
 import dataclasses
 import tracemalloc

@@ -6,13 +6,13 @@ import pytest
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
-from fgnav.graph.build import Layout, flight_graph, flight_values
+from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.types.constants import flight_constant
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.batch import minimum, solve_batch
-from tests.solve.flights import flight, sigmas_apart
+from tests.solve.flights import flight, flight_graph, sigmas_apart
 
 
 def _dense(
@@ -68,7 +68,7 @@ def test_batch_is_the_least_cost_with_its_covariances(gyroscope: bool, is_far: b
                 keys.pose(1), keys.pose(9), gtsam.Pose3(gtsam.Rot3(R), p), noise
             )
         ]
-    solution = solve_batch(problem, own=own)
+    solution = solve_batch(problem, custom=own)
     step, P = _dense(problem, solution.states, own)
     assert solution.converged
     assert np.abs(step / np.sqrt(np.diag(P))).max() < 0.02

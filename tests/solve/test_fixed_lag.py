@@ -133,7 +133,7 @@ def test_a_factor_of_ones_own_enters_with_its_last_keyframe() -> None:
     step = truth.R_nb[3].T @ (truth.p_n_m[9] - truth.p_n_m[3])
     tight = gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)
     own.append(gtsam.BetweenFactorPose3(keys.pose(3), keys.pose(9), gtsam.Pose3(near, step), tight))
-    window, batch = solve_fixed_lag(problem, 1.0, own=own), solve_batch(problem, own=own)
+    window, batch = solve_fixed_lag(problem, 1.0, custom=own), solve_batch(problem, custom=own)
     assert np.abs(truth.steps_to(window.states)[:, 3:6]).max() < 0.03
     assert sigmas_apart(batch[np.arange(11, 31)], window[np.arange(11, 31)]) < 3.0
     assert batch.converged
@@ -161,7 +161,7 @@ def test_a_constant_that_all_keyframes_meet_has_no_more_eliminated_anew(
     counts = []
     for factors in ((), own):
         eliminated.clear()
-        solve_forward(problem, 2.0, own=factors, keep_linearisation=True)
+        solve_forward(problem, 2.0, custom=factors, keep_linearisation=True)
         counts.append(max(eliminated[len(eliminated) // 2 :]))  # of 20 to 30 keyframes
     # A new keyframe, and what is eliminated anew, counted twice: two keyframes and the constants.
     old = 2 * 3 + len(problem.constants.parts)
@@ -174,8 +174,8 @@ def test_a_factor_that_reaches_behind_the_window_is_refused_by_name() -> None:
         keys.pose(2), keys.pose(45), gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, 1.0)
     )
     with pytest.raises(BadInputError, match=r"'BetweenFactorPose3': joins keyframes 4.30 s apart"):
-        solve_fixed_lag(problem, 1.0, own=[far])
-    assert solve_batch(problem, own=[far]).states.R_nb.shape == (51, 3, 3)
+        solve_fixed_lag(problem, 1.0, custom=[far])
+    assert solve_batch(problem, custom=[far]).states.R_nb.shape == (51, 3, 3)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,7 @@ def test_a_factor_of_an_unknown_variable_is_refused(key: int) -> None:
     problem, _ = flight(1.0)
     factor = gtsam.PriorFactorVector(key, np.zeros(3), gtsam.noiseModel.Unit.Create(3))
     with pytest.raises(BadInputError, match=r"'PriorFactorVector': \w+ is no variable"):
-        solve_fixed_lag(problem, 1.0, own=[factor])
+        solve_fixed_lag(problem, 1.0, custom=[factor])
 
 
 def test_an_open_state_is_named_with_its_time() -> None:
@@ -249,4 +249,4 @@ def test_an_exception_in_a_factor_of_ones_own_arrives_as_it_is() -> None:
 
     factor = gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(1), [keys.pose(3)], fails)
     with pytest.raises(BadInputError, match="rangefinder: no range"):
-        solve_fixed_lag(problem, 1.0, own=[factor])
+        solve_fixed_lag(problem, 1.0, custom=[factor])

@@ -8,7 +8,7 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.geometry.rotations import exp
 from fgnav.solve.batch import solve_batch
-from fgnav.solve.descent import Minimum, descended
+from fgnav.solve.gauss_newton import Minimum, gauss_newton
 from fgnav.solve.minima import begins, distinct, mixture
 from tests.solve.flights import flight
 from tests.solve.test_outages import with_outage
@@ -17,7 +17,7 @@ from tests.solve.test_outages import with_outage
 @pytest.fixture(scope="module")
 def solved():
     problem, _ = flight(1.0)
-    return descended(problem).solution
+    return gauss_newton(problem).solution
 
 
 def turned(solution, by_rad):
@@ -56,7 +56,7 @@ def test_a_body_that_rolled_over_while_nobody_looked_is_another_minimum():
     over = problem.start._replace(
         R_nb=problem.start.R_nb @ exp(2 * np.pi * share[:, None] * [1.0, 0.0, 0.0])
     )
-    ends = distinct([descended(problem, begin=begin) for begin in (problem.start, over)])
+    ends = distinct([gauss_newton(problem, begin=begin) for begin in (problem.start, over)])
     assert len(ends) == 2
     best = solve_batch(problem)
     assert best.cost == pytest.approx(ends[0].solution.cost, abs=0.1)
@@ -66,7 +66,7 @@ def test_a_search_that_fails_says_why():
     problem, _ = flight(1.0)
     no_number = problem.start._replace(p_n_m=problem.start.p_n_m * np.nan)
     with pytest.raises(NoSolutionError, match="not finite"):
-        descended(problem, begin=no_number)
+        gauss_newton(problem, begin=no_number)
 
 
 def test_searches_begin_at_a_windows_end_and_at_the_start():

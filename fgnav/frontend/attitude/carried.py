@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.attitude.flight_vectors import track_of
-from fgnav.attitude.own_rotation import spun
+from fgnav.attitude.imu_rotation import spun
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.frontend.attitude.in_motion import EarlierMotion, in_motion, in_motion_smoothed

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import OwnRotation, despun
+from fgnav.attitude.imu_rotation import ImuRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
@@ -43,7 +43,7 @@ class Alignment:
         Angles that neither the array nor another vector determines.
     rough : bool
         Whether the covariance is a guess.
-    own : OwnRotation or None
+    own : ImuRotation or None
         How the body turns by its gyroscope, or spins without an array.
     gyroscope_bias_b_radps : ndarray, shape (3,), or None
         Where the search for it starts.
@@ -66,7 +66,7 @@ class Alignment:
     unobservable: tuple[str, ...] = ()
     rough: bool = False
     phases: tuple[DoubleDifferences, FloatArray] | None = None
-    own: OwnRotation | None = None
+    own: ImuRotation | None = None
     gyroscope_bias_b_radps: FloatArray | None = None
     heading_from_s: float = -np.inf
     heading_known_s: float = -np.inf

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
-from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.attitude.imu_rotation import ImuRotation
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.gaps import LONGEST_GAP_S
 from fgnav.geometry.interpolation import integral
@@ -63,7 +63,7 @@ def specific_forces(
 class Integrated:
     """Velocity and place of an antenna in ``u`` that specific force alone adds up to."""
 
-    def __init__(self, imu: Imu, own: OwnRotation, arm_b_m: FloatArray) -> None:
+    def __init__(self, imu: Imu, own: ImuRotation, arm_b_m: FloatArray) -> None:
         self._own, self._arm_b_m, self._t_s = own, arm_b_m, imu.t_s
         dt = np.diff(imu.t_s)[:, None]
         self._f_u = np.einsum("nij,nj->ni", own.R_ub, imu.f_b_mps2)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track
-from fgnav.attitude.own_rotation import OwnRotation, own_rotation
+from fgnav.attitude.imu_rotation import ImuRotation, imu_rotation
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
 from fgnav.geometry.rotations import exp, skew
@@ -130,11 +130,11 @@ def _stated(imu: Imu) -> FloatArray:
     return np.diag(np.repeat([0.0, *information], 3))
 
 
-def _rotation(imu: Imu, biases: FloatArray) -> OwnRotation | None:
+def _rotation(imu: Imu, biases: FloatArray) -> ImuRotation | None:
     """Return how the body turns, less the gyroscope's bias; None by too few samples."""
     if imu.w_b_radps is None:
         return None
-    return own_rotation(replace(imu, w_b_radps=imu.w_b_radps - biases[:3]))
+    return imu_rotation(replace(imu, w_b_radps=imu.w_b_radps - biases[:3]))
 
 
 def _forces(
@@ -143,7 +143,7 @@ def _forces(
     gravity_n_mps2: FloatArray,
     middle_s: float,
     biases: FloatArray,
-    rotation: OwnRotation | None,
+    rotation: ImuRotation | None,
 ) -> Pairs | None:
     """Return specific forces in ``n`` and in the body's axes at the middle."""
     if rotation is None:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.attitude.flight_vectors import Track
-from fgnav.attitude.own_rotation import OwnRotation, own_rotation
+from fgnav.attitude.imu_rotation import ImuRotation, imu_rotation
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.force_pairs import Integrated, Pairs, specific_forces
@@ -57,7 +57,7 @@ class InMotion:
         Of the axes that do not turn.
     sigma_rad : ndarray, shape (k,)
         Of the heading.
-    own : OwnRotation
+    own : ImuRotation
         How the body turns in ``u``.
     bias_b_radps : ndarray, shape (3,)
         Of the gyroscope, taken out of ``own``.
@@ -70,7 +70,7 @@ class InMotion:
     middle_s: FloatArray
     R_nu: FloatArray
     sigma_rad: FloatArray
-    own: OwnRotation
+    own: ImuRotation
     bias_b_radps: FloatArray
     bias_sigma_radps: float
 
@@ -134,7 +134,7 @@ def in_motion(
     gravity_n_mps2 : ndarray, shape (3,)
     earlier : EarlierMotion, optional
     """
-    own = own_rotation(imu, None if earlier is None else earlier.R_ub)
+    own = imu_rotation(imu, None if earlier is None else earlier.R_ub)
     if own is None:
         return None
     integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)

@@ -4,7 +4,7 @@ from typing import TypeGuard
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import OwnRotation
+from fgnav.attitude.imu_rotation import ImuRotation
 from fgnav.attitude.receiver_baselines import KNOWN_RAD, BodyBaseline, heading_baselines
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.in_motion import levelled
@@ -17,7 +17,7 @@ from fgnav.types.surroundings import Magnetometer
 LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes faster
 
 
-def level_start(flight: Flight, imu: Imu, own: OwnRotation, at_s: float) -> FloatArray:
+def level_start(flight: Flight, imu: Imu, own: ImuRotation, at_s: float) -> FloatArray:
     """Return R_nu, (3, 3), by which specific force up to a time points up.
 
     Over a second, or as much of it as there is. The heading is that of a baseline, else of the
@@ -61,7 +61,7 @@ def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetom
 
 
 def _turned_to_field(
-    sensor: Magnetometer, own: OwnRotation, R_lu: FloatArray, at_s: float
+    sensor: Magnetometer, own: ImuRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of the samples by then."""
     rows = _last_second(sensor.t_s, at_s)
@@ -71,7 +71,7 @@ def _turned_to_field(
 
 
 def _turned_to_baseline(
-    between: BodyBaseline, rotation: OwnRotation, R_lu: FloatArray, at_s: float
+    between: BodyBaseline, rotation: ImuRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of a baseline by then."""
     rows = _last_second(between.of.t_s, at_s)

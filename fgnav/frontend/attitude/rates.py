@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.attitude.own_rotation import OwnRotation, despun
+from fgnav.attitude.imu_rotation import ImuRotation, despun
 from fgnav.checks import FloatArray
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, transpose
@@ -15,7 +15,7 @@ RATE_SPAN_S = 0.5  # rates are differences of attitudes this far apart
 
 
 def rough_rates(
-    imu: Imu, t_s: FloatArray, R_nb: FloatArray, own: OwnRotation | None = None
+    imu: Imu, t_s: FloatArray, R_nb: FloatArray, own: ImuRotation | None = None
 ) -> FloatArray:
     """Return body rates at keyframes, rad/s, (n, 3): the gyroscope's, or from attitudes.
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
-from fgnav.attitude.own_rotation import own_rotation
+from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
 from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.frontend.attitude.epochs import Alignment
@@ -47,7 +47,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         If the flight has no track.
     """
     track = track_of(flight)
-    own = None if flight.imu is None else own_rotation(flight.imu)
+    own = None if flight.imu is None else imu_rotation(flight.imu)
     pairs, losses = measured_vectors(flight, track, own)
     few = None
     if gravity is not None and "specific force" in pairs.sources:

@@ -6,7 +6,7 @@ What is certain only later is left out: arcs have the integers that epochs so fa
 import numpy as np
 
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
-from fgnav.attitude.own_rotation import spun
+from fgnav.attitude.imu_rotation import spun
 from fgnav.checks import FloatArray
 from fgnav.frontend.array.float_arcs import FloatArcs
 from fgnav.frontend.attitude.alignment import of_arrays

@@ -129,11 +129,6 @@ class AntennaPhase:
         """Rows of each epoch, (k,)."""
         return np.array([len(one.z) for one in self.rows], dtype=np.int64)
 
-    def block_at(self, row: int, before: int) -> int:
-        """Return the block of a keyframe; that before where it has no phases."""
-        i = int(np.searchsorted(self.row, row))
-        return int(self.block[i]) if i < len(self.row) and self.row[i] == row else before
-
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""
         one, arm_b_m = self.rows[i], self.arm_b_m[i]
@@ -183,10 +178,10 @@ class AntennaPhase:
             terms.append((keys.constant(constants.first.index(lever)), by_lever))
         return linear_factor(terms, -value)
 
-    def leading(
+    def transition(
         self, block: int, arcs: Mapping[int, FloatArray] | None = None
     ) -> gtsam.JacobianFactor:
-        """Return what leads to the A of a block: from that before, or from nothing.
+        """Return the transition to the A of a block, from that before or from nothing.
 
         Linearised where both are by ``arcs``, else at zero.
         """
@@ -199,13 +194,13 @@ class AntennaPhase:
         along = [A @ arcs[key] for key, A in terms]
         return linear_factor(terms, one.right - np.sum(along, axis=0))
 
-    def entering(self, block: int) -> gtsam.NonlinearFactor:
+    def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
         """Return the same as a factor of GTSAM's nonlinear graphs."""
         one, point = self.blocks[block - self.first_block], gtsam.Values()
         point.insert(keys.arcs(block), np.zeros(one.size))
         if one.before.shape[1]:
             point.insert(keys.arcs(block - 1), np.zeros(one.before.shape[1]))
-        return gtsam.LinearContainerFactor(self.leading(block), point)
+        return gtsam.LinearContainerFactor(self.transition(block), point)
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""

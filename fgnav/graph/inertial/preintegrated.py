@@ -1,11 +1,10 @@
-"""Motion with a gyroscope: specific force and rate summed up between keyframes.
+"""Motion with a gyroscope: specific force and rate summed up between keyframes by GTSAM.
 
-GTSAM's factor is ``GalileanCombinedImuFactor``: increments of attitude, position and velocity as
-one element of the Galilean group, exact for force and rate constant within a sub-step [1]_; both
-biases follow random walks. The chain has the same from ``galilean_kernel`` and
-``preintegrated_kernel``. Its 15 rows are rotation, position, velocity, accelerometer bias and
-gyroscope bias. ``CombinedImuFactor`` takes the attitude at the start of each sub-step: at 45 deg
-and 1 rad/s its velocity is off by 2 mm/s in 0.1 s of ten samples, here by 6e-6 m/s.
+``GalileanCombinedImuFactor`` takes increments of attitude, position and velocity as one element of
+the Galilean group, exact for force and rate constant within a sub-step [1]_; both biases follow
+random walks. Its 15 rows are rotation, position, velocity, accelerometer bias and gyroscope bias.
+``CombinedImuFactor`` takes the attitude at the start of each sub-step: at 45 deg and 1 rad/s its
+velocity is off by 2 mm/s in 0.1 s of ten samples, here by 6e-6 m/s.
 
 References
 ----------
@@ -15,6 +14,8 @@ References
 
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import cast
 
 import gtsam
 import numpy as np
@@ -23,7 +24,6 @@ from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph import keys
 from fgnav.graph.build import as_bias
-from fgnav.graph.inertial import galilean_kernel, preintegrated_kernel
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
 from fgnav.graph.types.motion import EVERY, INERTIAL_NOISES, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
@@ -45,7 +45,7 @@ class _Store:
     """
 
     biases: FloatArray  # (n - 1, 6); NaN where none are
-    sums: dict[int, FloatArray] = field(default_factory=dict)
+    sums: dict[int, gtsam.PreintegratedCombinedMeasurementsG] = field(default_factory=dict)
     parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
         default_factory=dict
     )
@@ -123,35 +123,34 @@ class Inertial:
         return _BIASES
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
-        """Return whitened residuals of some intervals, (j,), between states, j of each.
-
-        As GTSAM's factor linearises itself, in an eighth of the time.
-        """
-        j = len(intervals)
-        out = LinearisedMotion(
-            value=np.empty((j, _WIDTH)),
-            before=np.empty((j, _WIDTH, _WIDTH)),
-            after=np.empty((j, _WIDTH, _WIDTH)),
-            shared=np.zeros((j, _WIDTH, len(before.constants))),
+        """Return whitened residuals of some intervals, (j,), between states, j of each."""
+        j, b = len(intervals), len(before.constants)
+        graph = gtsam.NonlinearFactorGraph()
+        for i, k in enumerate(intervals.tolist()):
+            graph.add(self._factor(k, 2 * i, 2 * i + 1, before.aux[i]))
+        linear = graph.linearize(_values(before, after))
+        A, right = np.empty((j, _WIDTH, 2 * _WIDTH)), np.empty((j, _WIDTH))
+        for i in range(j):
+            A[i], right[i] = linear.at(i).jacobian()
+        # Columns: pose and velocity before, those after, biases before, biases after.
+        (x, y), (u, v) = (A[:, :, :AUX], A[:, :, AUX : 2 * AUX]), np.split(A[:, :, 2 * AUX :], 2, 2)
+        return LinearisedMotion(
+            value=-right,
+            before=np.concatenate([x, u], axis=2),
+            after=np.concatenate([y, v], axis=2),
+            shared=np.zeros((j, _WIDTH, b)),
         )
-        preintegrated_kernel.linearise(
-            self._sums(intervals, before.aux),
-            States(*map(np.ascontiguousarray, before)),
-            States(*map(np.ascontiguousarray, after)),
-            np.ascontiguousarray(self.earth_rate_n_radps),
-            out,
-        )
-        return out
 
     def predict(self, before: States, intervals: IntArray) -> States:
         """Return the states that intervals, (j,), lead to: all 15 rows are zero there."""
         after = before.copied()
-        preintegrated_kernel.predict(
-            self._sums(intervals, before.aux),
-            States(*map(np.ascontiguousarray, before)),
-            np.ascontiguousarray(self.earth_rate_n_radps),
-            after,
-        )
+        for i, k in enumerate(intervals.tolist()):
+            aux = before.aux[i]
+            rotation = gtsam.Rot3(before.R_nb[i])
+            state = gtsam.NavState(rotation, before.p_n_m[i], before.v_n_mps[i])
+            led = self._sums(k, aux).predict(state, as_bias(aux))
+            after.R_nb[i] = led.attitude().matrix()
+            after.p_n_m[i], after.v_n_mps[i] = led.position(), led.velocity()
         return after
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
@@ -179,17 +178,7 @@ class Inertial:
         self, k: int, key_before: int, key_after: int, about: States
     ) -> tuple[gtsam.NonlinearFactor, ...]:
         """Return interval k as one factor between two keyframes, about row 0 of ``about``."""
-        measured = self._preintegrated(k, about.aux[:1])
-        factor = gtsam.GalileanCombinedImuFactor(
-            keys.pose(key_before),
-            keys.velocity(key_before),
-            keys.pose(key_after),
-            keys.velocity(key_after),
-            keys.imu_bias(key_before),
-            keys.imu_bias(key_after),
-            measured,
-        )
-        return (factor,)
+        return (self._factor(k, key_before, key_after, about.aux[0]),)
 
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
@@ -248,91 +237,112 @@ class Inertial:
         of_unit &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
         if self.bias_steps is not None:
             of_unit &= ~self.bias_steps[of].any(axis=1)
-        one_each = np.zeros((len(INERTIAL_NOISES) + 1, galilean_kernel.NOISES))
-        one_each[0, 0], one_each[1, 1] = accelerometer**2, gyroscope**2
-        one_each[2, 3:6], one_each[3, 6:] = walks[0] ** 2, walks[1] ** 2
-        one_each[-1, 2] = INTEGRATION_M2
+        nothing = np.zeros(_BIASES)
+        one_each = (
+            (accelerometer**2, 0.0, nothing, 0.0),
+            (0.0, gyroscope**2, nothing, 0.0),
+            (0.0, 0.0, np.repeat([walks[0] ** 2, 0.0], 3), 0.0),
+            (0.0, 0.0, np.repeat([0.0, walks[1] ** 2], 3), 0.0),
+            (0.0, 0.0, nothing, INTEGRATION_M2),
+        )
         parts = np.zeros((len(of_unit), len(one_each), _WIDTH, _WIDTH))
-        intervals = np.arange(len(self.t_s) - 1)[of][of_unit]
-        if len(intervals):
-            about = np.nan_to_num(self._store.biases[intervals])
-            W = self._sums(intervals, about)[:, galilean_kernel.WHITE :]
-            W = W.reshape(-1, 1, _WIDTH, _WIDTH)
-            steps = self._increments.of(intervals, _COARSE_STEPS)
-            earth_rate = np.ascontiguousarray(self.earth_rate_n_radps)
-            P = galilean_kernel.covariances(steps, about, one_each, earth_rate)
-            parts[of_unit] = W @ P @ W.swapaxes(2, 3)
-        parts[~of_unit, -1] = np.eye(_WIDTH)
+        for i, k in enumerate(np.arange(len(self.t_s) - 1)[of].tolist()):
+            if not of_unit[i]:
+                parts[i, -1] = np.eye(_WIDTH)
+                continue
+            about = np.nan_to_num(self._store.biases[k])
+            model = self._factor(k, 0, 1, about).noiseModel()
+            white = cast("gtsam.noiseModel.Gaussian", model).R()
+            for c, noises in enumerate(one_each):
+                made = self._summed(k, about, self._parameters(k, *noises), _COARSE_STEPS)
+                parts[i, c] = white @ made.residualCovariance() @ white.T
         return NoiseParts(INERTIAL_NOISES, parts[:, :-1], parts[:, -1])
 
-    def _about(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
-        """Return biases about which intervals, (j,), are summed up, (j, 6).
-
-        Near enough to those given for a linear correction; that for the accelerometer's bias alone
-        is exact.
-        """
-        about = self._store.biases
-        span_s = self.t_s[intervals + 1] - self.t_s[intervals]
-        turned_rad = np.abs(biases[:, 3:] - about[intervals, 3:]).max(axis=1) * span_s
-        far = np.flatnonzero(~(turned_rad < TURNED_RAD))
-        about[intervals[far]] = biases[far]
-        for k in intervals[far].tolist():
-            self._store.sums.pop(k, None)
-        return np.asarray(about[intervals])
-
-    def _sums(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
-        """Return intervals, (j,), about biases near to those given, (j, 6); (j, 316)."""
-        sums, numbers = self._store.sums, intervals.tolist()
-        about = self._about(intervals, biases)
-        new = [row for row, k in enumerate(numbers) if k not in sums]
-        if new:
-            made = self._summed(intervals[new], about[new])
-            sums.update(zip(intervals[new].tolist(), made, strict=True))
-        return np.array([sums[k] for k in numbers])
-
-    def _summed(self, intervals: IntArray, biases: FloatArray) -> FloatArray:
-        noises = np.zeros((len(intervals), galilean_kernel.NOISES))
-        noises[:, 0] = self.accelerometer_noise[intervals]
-        noises[:, 1] = self.gyroscope_noise[intervals]
-        noises[:, 2] = INTEGRATION_M2
-        noises[:, 3:6] = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s**2
-        noises[:, 6:] = (self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0) ** 2
-        if self.bias_steps is not None:
-            noises[:, 3:] += self.bias_steps[intervals]
-        gravity = np.round(self.gravity_n_mps2[intervals], _GRAVITY_DIGITS)
-        return galilean_kernel.sums(
-            self._increments.of(intervals),
-            biases,
-            noises,
-            gravity,
-            np.ascontiguousarray(self.earth_rate_n_radps),
+    def _factor(
+        self, k: int, key_before: int, key_after: int, biases: FloatArray
+    ) -> gtsam.GalileanCombinedImuFactor:
+        return gtsam.GalileanCombinedImuFactor(
+            keys.pose(key_before),
+            keys.velocity(key_before),
+            keys.pose(key_after),
+            keys.velocity(key_after),
+            keys.imu_bias(key_before),
+            keys.imu_bias(key_after),
+            self._sums(k, biases),
         )
 
-    def _preintegrated(self, k: int, bias: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
-        """Return interval k as GTSAM sums it up, about biases near to those given, (1, 6)."""
-        interval = np.array([k])
-        _, step_s, f_b, w_b = self._increments.of(interval)
-        (about,) = self._about(interval, bias)
-        made = gtsam.PreintegratedCombinedMeasurementsG(self._parameters(k), as_bias(about))
+    def _sums(self, k: int, biases: FloatArray) -> gtsam.PreintegratedCombinedMeasurementsG:
+        """Return interval k summed up about biases near to those given, (6,).
+
+        Near enough for a linear correction; that for the accelerometer's bias alone is exact.
+        """
+        about, sums = self._store.biases, self._store.sums
+        span_s = self.t_s[k + 1] - self.t_s[k]
+        if not np.abs(biases[3:] - about[k, 3:]).max() * span_s < TURNED_RAD:
+            about[k] = biases
+            sums.pop(k, None)
+        if k not in sums:
+            steps = np.zeros(_BIASES) if self.bias_steps is None else self.bias_steps[k]
+            walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
+            turning = self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0
+            walks = np.repeat([walk**2, turning**2], 3) + steps
+            noise = float(self.accelerometer_noise[k]), float(self.gyroscope_noise[k])
+            sums[k] = self._summed(k, about[k], self._parameters(k, *noise, walks, INTEGRATION_M2))
+        return sums[k]
+
+    def _summed(
+        self,
+        k: int,
+        biases: FloatArray,
+        parameters: gtsam.PreintegrationCombinedParams,
+        most: int | None = None,
+    ) -> gtsam.PreintegratedCombinedMeasurementsG:
+        """Return interval k summed up about biases, (6,); by ``most`` of its sub-steps or fewer."""
+        _, (step_s,), f_b, w_b = self._increments.of(np.array([k]), most)
+        made = gtsam.PreintegratedCombinedMeasurementsG(parameters, as_bias(biases))
         for f, w in zip(f_b, w_b, strict=True):
-            made.integrateMeasurement(f, w, float(step_s[0]))
+            made.integrateMeasurement(f, w, step_s)
         return made
 
-    def _parameters(self, k: int) -> gtsam.PreintegrationCombinedParams:
-        """Return GTSAM's parameters of interval k, one object for all that are alike."""
+    def _parameters(
+        self, k: int, accelerometer: float, gyroscope: float, walks: FloatArray, integration: float
+    ) -> gtsam.PreintegrationCombinedParams:
+        """Return GTSAM's parameters of interval k by densities of noise, one object for all alike.
+
+        Walks of both biases, (6,), among them.
+        """
         gravity = np.round(self.gravity_n_mps2[k], _GRAVITY_DIGITS)
-        noise = float(self.accelerometer_noise[k]), float(self.gyroscope_noise[k])
-        steps = np.zeros(_BIASES) if self.bias_steps is None else self.bias_steps[k]
-        name = (*gravity.tolist(), *noise, *steps.tolist())
+        name = (*gravity.tolist(), accelerometer, gyroscope, *walks.tolist(), integration)
         if name not in self._store.parameters:
             made = gtsam.PreintegrationCombinedParams(gravity)
             made.setOmegaCoriolis(self.earth_rate_n_radps)
-            made.setAccelerometerCovariance(np.eye(3) * noise[0])
-            made.setGyroscopeCovariance(np.eye(3) * noise[1])
-            made.setIntegrationCovariance(np.eye(3) * INTEGRATION_M2)
-            walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
-            made.setBiasAccCovariance(np.diag(walk**2 + steps[:3]))
-            walk = self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0
-            made.setBiasOmegaCovariance(np.diag(walk**2 + steps[3:]))
+            made.setAccelerometerCovariance(np.eye(3) * accelerometer)
+            made.setGyroscopeCovariance(np.eye(3) * gyroscope)
+            made.setIntegrationCovariance(np.eye(3) * integration)
+            made.setBiasAccCovariance(np.diag(walks[:3]))
+            made.setBiasOmegaCovariance(np.diag(walks[3:]))
             self._store.parameters[name] = made
         return self._store.parameters[name]
+
+
+def _values(before: States, after: States) -> gtsam.Values:
+    """Return states as keyframes 0, 2, 4, ... and those after them as 1, 3, 5, ..."""
+    steps, count = gtsam.VectorValues(), 2 * len(before.R_nb)
+    for i, states in enumerate((before, after)):
+        for k, aux in zip(range(i, count, 2), states.aux, strict=True):
+            steps.insert(keys.imu_bias(k), aux)
+    values = _no_biases(count).retract(steps)
+    for i, states in enumerate((before, after)):
+        for k, R, p, v in zip(range(i, count, 2), *states[:3], strict=True):
+            values.insert(keys.pose(k), gtsam.Pose3(gtsam.Rot3(R), p))
+            values.insert(keys.velocity(k), v)
+    return values
+
+
+@lru_cache
+def _no_biases(count: int) -> gtsam.Values:
+    """Return biases of zero: to insert one takes 40 us, and a step from it next to nothing."""
+    values = gtsam.Values()
+    for k in range(count):
+        values.insert(keys.imu_bias(k), gtsam.imuBias.ConstantBias())
+    return values

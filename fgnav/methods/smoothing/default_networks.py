@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from fgnav import plugins
-from fgnav.methods.smoothing.own_sources import FACTORS, factor_source
+from fgnav.methods.smoothing.custom_sources import FACTORS, factor_source
 from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from collections import Counter
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.integers.validation import HANDED_OVER
-from fgnav.methods.smoothing.own_sources import OwnFactors
+from fgnav.methods.smoothing.custom_sources import CustomFactors
 from fgnav.types.estimate import GraphSummary
 from fgnav.types.integers import Integers
 
@@ -14,7 +14,7 @@ TRUST = "trust"  # the network of integers
 
 def graph_summary(
     problem: SmoothingProblem,
-    sourced: OwnFactors,
+    sourced: CustomFactors,
     solution: Solution,
     integers: Integers | None,
 ) -> GraphSummary:

@@ -21,7 +21,7 @@ from fgnav.graph.types.solution import Solution
 from fgnav.process import matern
 from fgnav.process.hyperparameters import LONGEST_S, RatePrior
 from fgnav.process.posterior import hyperparameters, log_prior
-from fgnav.solve.descent import descended
+from fgnav.solve.gauss_newton import gauss_newton
 
 _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
 _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
@@ -118,7 +118,7 @@ def _candidate(problem: SmoothingProblem, motion: GyroFree, place: tuple[int, in
 def _at_its_minimum(problem: SmoothingProblem, motion: GyroFree) -> _Candidate:
     """Return the log posterior of a rate prior where its search ends."""
     try:
-        solution, log_evidence = descended(problem, most=_ITERATIONS)
+        solution, log_evidence = gauss_newton(problem, most=_ITERATIONS)
     except NoSolutionError:
         return _Candidate(problem, -np.inf, None)
     length_s, pole_ratio, damping_ratio = matern.shape(np.median(motion.poles_per_s, axis=0))

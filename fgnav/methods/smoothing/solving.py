@@ -21,8 +21,8 @@ from fgnav.methods.smoothing.observability import TURN
 from fgnav.types.estimate import open_angle_variance_rad2
 
 if TYPE_CHECKING:
-    from fgnav.graph.custom import OwnFactor
-    from fgnav.solve.descent import Minimum
+    from fgnav.graph.custom import NamedFactor
+    from fgnav.solve.gauss_newton import Minimum
 
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
@@ -31,7 +31,9 @@ _GYROSCOPE_AUX = 6  # dimensions of a keyframe's biases
 _ROUGHLY = 40  # iterations about a heading that is but one of several
 
 
-def by_window(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", lag_s: float) -> Solution:
+def by_window(
+    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]", lag_s: float
+) -> Solution:
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
     from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
@@ -40,21 +42,23 @@ def by_window(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", lag_s: 
         problem, added = _at_batch(prepared, custom)
         keep = True
     solution = solve_fixed_lag(
-        problem, lag_s, own=custom, keep_linearisation=keep, opening=prepared.opening
+        problem, lag_s, custom=custom, keep_linearisation=keep, opening=prepared.opening
     )
     if added is None:
         return solution
     return replace(solution, covariance=solution.covariance + added)
 
 
-def by_newest(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]", lag_s: float) -> Solution:
+def by_newest(
+    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]", lag_s: float
+) -> Solution:
     """Return each keyframe as known from the data up to it."""
     from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
-    return solve_forward(prepared.windowed, lag_s, own=custom, opening=prepared.opening)
+    return solve_forward(prepared.windowed, lag_s, custom=custom, opening=prepared.opening)
 
 
-def at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> Solution:
+def at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
     """Return each keyframe as known from all data."""
     return _ended(prepared, custom).solution
 
@@ -91,7 +95,7 @@ class _End(NamedTuple):
 
 
 def _at_batch(
-    prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]"
+    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]"
 ) -> tuple[SmoothingProblem, FloatArray | None]:
     """Return the problem, started where the batch has the flight, and what other headings add."""
     end = _ended(prepared, custom)
@@ -110,7 +114,7 @@ def _at_batch(
     return problem, end.added
 
 
-def _ended(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> _End:
+def _ended(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> _End:
     """Return the end of a batch; its minimum counts only where it explains the measurements.
 
     That is asked where nothing measures attitudes: there the search may end anywhere.
@@ -153,16 +157,16 @@ def _open(prepared: PreparedFlight) -> Opening | None:
     )
 
 
-def _at_once(prepared: PreparedFlight, custom: "tuple[OwnFactor, ...]") -> Solution:
+def _at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
     from fgnav.solve.batch import minimum, solve_batch  # noqa: PLC0415  # lazy: gtsam
 
     if without_attitudes(prepared):
         return minimum(prepared.problem, custom).solution
-    return solve_batch(prepared.problem, own=custom)
+    return solve_batch(prepared.problem, custom=custom)
 
 
 def _about_headings(
-    problem: SmoothingProblem, opening: Opening, custom: "tuple[OwnFactor, ...]"
+    problem: SmoothingProblem, opening: Opening, custom: "tuple[NamedFactor, ...]"
 ) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam

@@ -15,7 +15,7 @@ from fgnav.types.surroundings import Barometer, Magnetometer
 if TYPE_CHECKING:
     import gtsam
 
-    from fgnav.graph.custom import OwnFactor
+    from fgnav.graph.custom import NamedFactor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -123,7 +123,7 @@ class Measurements:
     field_b_ut : ndarray, shape (3,), or None
         By the magnetometer.
     factors : tuple
-        Factors of one's own that enter with the keyframe, ``Stream.keyframe`` by number.
+        Custom factors that enter with the keyframe, ``Stream.keyframe`` by number.
     """
 
     t_s: float
@@ -136,4 +136,4 @@ class Measurements:
     sight: Direction | None = None
     height_m: float | None = None
     field_b_ut: FloatArray | None = None
-    factors: "tuple[gtsam.NonlinearFactor | OwnFactor, ...]" = ()
+    factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()

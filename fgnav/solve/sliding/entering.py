@@ -98,8 +98,8 @@ class Entering:
         self._keyframes.append(_Keyframe([*known], measured, self.block, begins))
         self._add(self._keyframes[-1])
 
-    def own(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
-        """Take in a factor of one's own, of one keyframe counted from the oldest, or of several."""
+    def custom(self, factor: gtsam.NonlinearFactor, row: int | None) -> None:
+        """Take in a custom factor, of one keyframe counted from the oldest, or of several."""
         self.graph.add(factor)
         if row is not None:
             self._keyframes[row].factors.append(factor)
@@ -161,7 +161,7 @@ class Entering:
         if block > self.block:
             self.block = block
             self._begin(block, phase.blocks[block - phase.first_block].size, smoother, k)
-            begins = phase.entering(block)
+            begins = phase.transition_factor(block)
         return [phase.factor(i, k)], begins
 
     def _begin(self, block: int, size: int, smoother: IncrementalSmoother, k: int) -> None:

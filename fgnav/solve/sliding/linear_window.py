@@ -18,11 +18,11 @@ from fgnav.graph.build import (
     insert_keyframe,
     insert_variables,
 )
-from fgnav.graph.linear import linearised
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States, joined
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import linearise
 from fgnav.solve.marginals import Marginals
 from fgnav.solve.sliding.relinearisation import has_gyroscope
 
@@ -89,7 +89,7 @@ class LinearWindow:
         self._changed.add(number)
 
     def add_custom(self, numbers: Sequence[int], factor: gtsam.NonlinearFactor) -> None:
-        """Take in a factor of one's own that touches some keyframes, and constants."""
+        """Take in a custom factor that touches some keyframes, and constants."""
         self._custom.append((tuple(numbers), factor))
         self._changed.add(min(numbers))
 
@@ -102,7 +102,7 @@ class LinearWindow:
         of biases, which it knows by what they did in ``n``.
         """
         if self.oldest and len(which) and which[0] == 0:
-            self._eliminated.message = self._led(at.at(slice(0, 1)))
+            self._eliminated.message = self._transformed_message(at.at(slice(0, 1)))
         for mine, new in zip(self.states[:4], at[:4], strict=True):
             mine[which] = new
         self._changed.update((which + self.oldest).tolist())
@@ -162,7 +162,7 @@ class LinearWindow:
         return [] if block < 0 else [(keys.arcs(block), self.arcs_size(i))]
 
     def _linearise(self, which: IntArray) -> None:
-        """Linearise keyframes and what leads to them; those of one problem together."""
+        """Linearise keyframes and the motion to them; those of one problem together."""
         begin, oldest = 0, self.oldest
         while begin < len(which):
             problem, end = self._sources[which[begin]][0], begin + 1
@@ -171,7 +171,7 @@ class LinearWindow:
             of = which[begin:end]
             rows = np.array([self._sources[i][1] for i in of])
             led = of[of > 0]
-            linear = linearised(
+            linear = linearise(
                 problem,
                 rows,
                 self.states.at(of),
@@ -179,17 +179,17 @@ class LinearWindow:
                 numbers=of + oldest,
                 begins=oldest == 0,
             )
-            for i, here in zip(of.tolist(), linear.at_keyframes(), strict=True):
-                self._here[i], self._links[i] = [*here], self._leading(i)
-            for i, link in zip(led.tolist(), linear.links(), strict=True):
+            for i, here in zip(of.tolist(), linear.unary_factors(), strict=True):
+                self._here[i], self._links[i] = [*here], self._transition(i)
+            for i, link in zip(led.tolist(), linear.motion_factors(), strict=True):
                 self._links[i].append(link)
             begin = end
 
-    def _leading(self, i: int) -> list[gtsam.GaussianFactor]:
-        """Return what leads to the arcs of a keyframe, where they begin there."""
+    def _transition(self, i: int) -> list[gtsam.GaussianFactor]:
+        """Return the transition to the arcs of a keyframe, where they begin there."""
         phase, block = self._sources[i][0].phase, self._block[i]
         before = self._block[i - 1] if i else (block if self.oldest else -1)
-        return [] if phase is None or block == before else [phase.leading(block)]
+        return [] if phase is None or block == before else [phase.transition(block)]
 
     def _entering(self, i: int) -> tuple[list[gtsam.GaussianFactor], Sequence[tuple[int, int]]]:
         """Return all whose oldest keyframe it is, and the arcs that end with it."""
@@ -214,7 +214,7 @@ class LinearWindow:
         insert_variables(values, self.layout, factor.keys(), self.states, rows)
         return factor.linearize(values)  # None of one that is not active
 
-    def _led(self, to: States) -> gtsam.JacobianFactor:
+    def _transformed_message(self, to: States) -> gtsam.JacobianFactor:
         """Return the message to the oldest keyframe, led to where that is linearised next."""
         message = self._eliminated.message
         at, D = self.states.at(slice(0, 1)), self.states.width
@@ -224,9 +224,9 @@ class LinearWindow:
         moved[:D, -1] = -step
         problem, row = self._sources[0]
         force_b_mps2 = -transpose(to.R_nb)[0] @ problem.motion.gravity_n_mps2[row]  # at rest
-        _lead_bias(moved, step, turn, _ACCELEROMETER, (at, to), force_b_mps2)
+        _transform_bias(moved, step, turn, _ACCELEROMETER, (at, to), force_b_mps2)
         if has_gyroscope(step[None]):
-            _lead_bias(moved, step, turn, _GYROSCOPE, (at, to), np.zeros(3))
+            _transform_bias(moved, step, turn, _GYROSCOPE, (at, to), np.zeros(3))
         A, right = message.jacobian()
         begin, terms, of_state = 0, [], {}
         sizes = dict(zip(self.layout.keyframe(self.oldest), (6, 3, D - AUX), strict=True))
@@ -247,7 +247,7 @@ class LinearWindow:
         return linear_factor([*of_state.items(), *terms], rows[:, -1])
 
 
-def _lead_bias(
+def _transform_bias(
     moved: FloatArray,
     step: FloatArray,
     turn: FloatArray,

@@ -92,7 +92,7 @@ class FixedLag:
         return self._departed
 
     def advance(
-        self, problem: SmoothingProblem, row: int, own: Sequence[gtsam.NonlinearFactor] = ()
+        self, problem: SmoothingProblem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
     ) -> range:
         """Take a keyframe in, solve when a block is full; return which keyframes leave by that.
 
@@ -101,8 +101,8 @@ class FixedLag:
         problem : SmoothingProblem
         row : int
             Of the keyframe in the problem; its number in the graph counts those taken in.
-        own : sequence of gtsam.NonlinearFactor
-            Factors of one's own that touch no later keyframe.
+        custom : sequence of gtsam.NonlinearFactor
+            Custom factors that touch no later keyframe.
 
         Raises
         ------
@@ -110,8 +110,8 @@ class FixedLag:
             If the data leave a state open, by name.
         """
         self._enter(problem, row)
-        for factor in own:
-            self._enter_own(factor)
+        for factor in custom:
+            self._enter_custom(factor)
         before = self._blocks[-1] if self._blocks else 0
         is_full = self._t_s[-1] - self._t_s[before] > self._block_s - _ROUNDING_S
         if not is_full:
@@ -125,10 +125,10 @@ class FixedLag:
         return range(first, self._departed)
 
     def update(
-        self, problem: SmoothingProblem, row: int, own: Sequence[gtsam.NonlinearFactor] = ()
+        self, problem: SmoothingProblem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
     ) -> Departed | None:
         """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
-        leaving = self.advance(problem, row, own)
+        leaving = self.advance(problem, row, custom)
         return self._estimates(leaving) if leaving else None
 
     def newest(self) -> Departed:
@@ -166,16 +166,16 @@ class FixedLag:
             self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
 
-    def _enter_own(self, factor: gtsam.NonlinearFactor) -> None:
+    def _enter_custom(self, factor: gtsam.NonlinearFactor) -> None:
         constants = self._layout.constant_keys
         touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
         numbers = sorted(touched) or [len(self._t_s) - 1]
         self._linear.add_custom(numbers, factor)
         if len(numbers) > 1:
             self._alive.is_chain = False
-            self._entering.own(factor, None)
+            self._entering.custom(factor, None)
         else:
-            self._entering.own(factor, numbers[0] - self._linear.oldest)
+            self._entering.custom(factor, numbers[0] - self._linear.oldest)
 
     def _start(self, problem: SmoothingProblem, row: int) -> States:
         if self._keep:
@@ -260,7 +260,7 @@ class FixedLag:
             self._smoother = None
             layout = self._layout
             raise in_words(error, layout.width, layout.constants, self._t_s.__getitem__) from error
-        except Exception:  # of a factor of one's own: as it is
+        except Exception:  # of a custom factor: as it is
             self._smoother = None
             raise
 

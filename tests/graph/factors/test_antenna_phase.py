@@ -86,9 +86,9 @@ def test_a_block_follows_from_the_one_before():
     arcs = [rng.normal(size=5), rng.normal(size=4)]
     values, one = values_of(at, arcs), of.blocks[1]
     r = one.after @ arcs[1] - one.before @ arcs[0] - one.right
-    assert_allclose(2 * of.entering(1).error(values), r @ r, rtol=1e-12)
+    assert_allclose(2 * of.transition_factor(1).error(values), r @ r, rtol=1e-12)
     first = of.blocks[0].after @ arcs[0] - of.blocks[0].right
-    assert_allclose(2 * of.entering(0).error(values), first @ first, rtol=1e-12)
+    assert_allclose(2 * of.transition_factor(0).error(values), first @ first, rtol=1e-12)
 
 
 def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
@@ -96,4 +96,3 @@ def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
     assert of.ending(9) == {2: (0,), 9: (1,)}
     moved = of.on(np.array([4, 8]))
     assert [one.begin_row for one in moved.blocks] == [4, 8]
-    assert [moved.block_at(row, -1) for row in (3, 4, 8)] == [-1, 0, 1]

@@ -1,12 +1,19 @@
 """Arcs of one antenna's phase: errors of satellites are stated."""
 
+from itertools import chain
+
+import gtsam
 import numpy as np
 
 from fgnav.evaluation.scores import errors_against
+from fgnav.graph.build import flight_values
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods.smoother import Smoother
+from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
+from fgnav.solve.linear import linearise
+from fgnav_sim.gnss.tables import OutageTable
 from tests.gnss.based import flown
+from tests.solve.flights import flight_graph
 
 PRIOR = RatePrior(length_s=1.0, variance_rad2ps2=np.full(3, 0.12), evidence=0.0)
 SET_UP = {"resolver": Truth(), "rate_prior": PRIOR}
@@ -22,3 +29,20 @@ def test_errors_that_move_are_stated():
         velocity.append(np.mean(errors.velocity_nees))
     assert 0.5 < np.mean(position) < 7.5  # 12 degrees of freedom: 99.8 %
     assert 1.5 < np.mean(velocity) < 4.5
+
+
+def test_linear_factors_are_those_of_gtsams_graph():
+    """Of a problem with phases, its arcs broken by an outage."""
+    outage = OutageTable(from_s=1.0, until_s=1.5)
+    problem = Batch(**SET_UP).prepare(flown(base=None, span_s=4.0, outages=(outage,))).problem
+    states, n = problem.start, len(problem.t_s)
+    linear = linearise(problem, np.arange(n), states, states.at(slice(0, n - 1)))
+    ours = gtsam.GaussianFactorGraph()
+    leading = [problem.phase.transition(j) for j in range(len(problem.phase.blocks))]
+    for factor in (*chain.from_iterable(linear.factors_by_keyframe()), *leading):
+        ours.push_back(factor)
+    theirs = flight_graph(problem, states).linearize(flight_values(problem, states))
+    (H, g), (expected, slope) = ours.hessian(), theirs.hessian()
+    scale = np.sqrt(np.diag(expected))
+    np.testing.assert_allclose(H / scale, expected / scale, rtol=0, atol=1e-9 * scale.max())
+    np.testing.assert_allclose(g, slope, rtol=0, atol=1e-9 * np.abs(slope).max())

@@ -10,7 +10,7 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch
-from fgnav.methods.smoothing.own_sources import own_factors
+from fgnav.methods.smoothing.custom_sources import custom_factors
 from fgnav.methods.smoothing.solving import at_once
 from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav.types.flight import Flight
@@ -70,7 +70,7 @@ def training_flight(
             f"flight {flight.name}: key imu.position_b_m: velocities are judged at the "
             "accelerometer; put the body's origin there, or judge attitudes alone"
         )
-    prepared, sourced = own_factors(method.factors or (), flight, method.prepare(flight))
+    prepared, sourced = custom_factors(method.factors or (), flight, method.prepare(flight))
     solution = at_once(prepared, sourced.factors)
     states, t_s = solution.states, prepared.problem.t_s
     R_nb, covered = attitude_at(truth, t_s)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import NoSolutionError
-from fgnav.solve.descent import descended
+from fgnav.solve.gauss_newton import gauss_newton
 from tests.solve.linear_flight import dense, random_problem
 
 CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
@@ -15,7 +15,7 @@ CASES = [(6, 2), (12, 3), (12, 0), (6, 24)]
 @pytest.mark.parametrize(("aux", "b"), CASES)
 def test_gradient_of_the_dense_cost_vanishes_at_the_solution(aux, b):
     problem = random_problem(12, aux, b)
-    solution = descended(problem).solution
+    solution = gauss_newton(problem).solution
     H, g, cost = dense(problem, solution.states)
     assert solution.converged
     # Newton's next step from there, in sigmas.
@@ -27,7 +27,7 @@ def test_gradient_of_the_dense_cost_vanishes_at_the_solution(aux, b):
 @pytest.mark.parametrize(("aux", "b"), CASES)
 def test_covariances_are_blocks_of_the_dense_inverse(aux, b):
     problem = random_problem(12, aux, b)
-    solution = descended(problem).solution
+    solution = gauss_newton(problem).solution
     D = 9 + aux
     P = np.linalg.inv(dense(problem, solution.states)[0])
     scale = np.sqrt(np.diag(P))
@@ -51,10 +51,10 @@ def test_covariances_are_blocks_of_the_dense_inverse(aux, b):
 
 def test_a_far_beginning_ends_in_the_same_minimum():
     problem = random_problem(30, 6, 2, turn_rad=0.5)
-    near = descended(problem).solution
+    near = gauss_newton(problem).solution
     rng = np.random.default_rng(5)
     begin = problem.start.moved(0.3 * rng.normal(size=(30, 15)), np.ones(2))
-    far = descended(problem, begin=begin).solution
+    far = gauss_newton(problem, begin=begin).solution
     assert near.converged
     assert far.converged
     assert far.cost == pytest.approx(near.cost, abs=1e-3)
@@ -62,7 +62,7 @@ def test_a_far_beginning_ends_in_the_same_minimum():
 
 def test_one_keyframe_is_solved():
     problem = random_problem(1, 12, 3)
-    solution = descended(problem).solution
+    solution = gauss_newton(problem).solution
     P = np.linalg.inv(dense(problem, solution.states)[0])[:21, :21]
     scale = np.sqrt(np.outer(np.diag(P), np.diag(P)))
     assert solution.cross.shape == (0, 21, 21)
@@ -71,7 +71,7 @@ def test_one_keyframe_is_solved():
 
 def test_log_evidence_is_that_of_the_dense_gaussian():
     problem = random_problem(10, 12, 3)
-    minimum = descended(problem)
+    minimum = gauss_newton(problem)
     H, g, cost = dense(problem, minimum.solution.states)
     least = cost - g @ np.linalg.solve(H, g)
     white = np.linalg.slogdet(problem.motion.W)[1].sum() + 12 * np.log(2.0)
@@ -86,9 +86,9 @@ def test_a_motion_without_log_white_counts_as_constant():
         t_s, aux = problem.motion.t_s, problem.motion.aux
         linearise, prior = problem.motion.linearise, problem.motion.prior
 
-    less = descended(replace(problem, motion=Silent())).log_evidence
+    less = gauss_newton(replace(problem, motion=Silent())).log_evidence
     white = np.linalg.slogdet(problem.motion.W)[1].sum()
-    assert descended(problem).log_evidence - less == pytest.approx(white, abs=1e-9)
+    assert gauss_newton(problem).log_evidence - less == pytest.approx(white, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -108,14 +108,14 @@ def test_a_state_that_nothing_measures_is_named_with_its_time(columns, aux, name
     motion.F[4:, :, columns] = motion.F[4:, columns] = 0.0
     motion.W[4:, :, columns] = motion.W[4:, columns] = 0.0
     with pytest.raises(NoSolutionError, match=rf"{name}: the data do not determine it at 1\.25 s"):
-        descended(problem)
+        gauss_newton(problem)
 
 
 def test_residuals_that_are_not_finite_are_an_error():
     problem = random_problem(8, 6, 0)
     problem.measurements[0].z[3] = np.nan
     with pytest.raises(NoSolutionError, match="residuals are not finite at"):
-        descended(problem)
+        gauss_newton(problem)
 
 
 def test_a_long_dead_reckoning_keeps_its_digits():
@@ -129,6 +129,6 @@ def test_a_long_dead_reckoning_keeps_its_digits():
     motion.F[:], motion.u[:], motion.W[:] = np.eye(D), 0.0, 1e7 * np.eye(D)
     for sensor in problem.measurements:
         sensor.H[:, :, 3:6] = 0.0
-    solution = descended(problem).solution
+    solution = gauss_newton(problem).solution
     sigma = np.sqrt(np.einsum("nii->ni", solution.covariance)[:, 3:6])
     np.testing.assert_allclose(sigma, 1e3, rtol=1e-2)

@@ -1,4 +1,4 @@
-"""Factors of one's own, as who writes one meets them: what they gain, and what goes wrong."""
+"""Custom factors, as who writes one meets them: what they gain, and what goes wrong."""
 
 import dataclasses
 from functools import cache
@@ -369,7 +369,7 @@ def test_without_a_gyroscope_a_factor_may_speak_of_the_rate():
 def installed(monkeypatch):
     """Let a package be installed that brings a star tracker."""
     entry = EntryPoint(
-        name="stars", value="tests.methods.test_own_factors:STARS", group="fgnav.factors"
+        name="stars", value="tests.methods.test_custom_factors:STARS", group="fgnav.factors"
     )
     monkeypatch.setattr(
         plugins, "entry_points", lambda group: [entry] if group == "fgnav.factors" else []

@@ -1,4 +1,4 @@
-"""Sources of factors of one's own: callables, names of installed ones, manifests of networks."""
+"""Sources of custom factors: callables, names of installed ones, manifests of networks."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -17,37 +17,37 @@ from fgnav.types.flight import Flight
 if TYPE_CHECKING:
     import gtsam
 
-    from fgnav.graph.custom import OwnFactor
+    from fgnav.graph.custom import NamedFactor
 
 FACTORS = "fgnav.factors"  # entry points
 
-FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | OwnFactor]"]
+FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | NamedFactor]"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class OwnFactors:
-    """Factors of one's own, each with its name, and what their sources report."""
+class CustomFactors:
+    """Custom factors, each with its name, and what their sources report."""
 
-    factors: "tuple[OwnFactor, ...]" = ()
+    factors: "tuple[NamedFactor, ...]" = ()
     losses: tuple[Loss, ...] = ()
     notes: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()  # names of those that were asked
 
 
-def own_factors(
+def custom_factors(
     sources: tuple[FactorSource | str, ...], flight: Flight, prepared: PreparedFlight
-) -> tuple[PreparedFlight, OwnFactors]:
+) -> tuple[PreparedFlight, CustomFactors]:
     """Return the factors that sources and the flight's networks make, and what they leave out.
 
     The flight is returned with the constants that they ask for.
     """
     if not (sources or flight.networks):
-        return prepared, OwnFactors()
+        return prepared, CustomFactors()
     from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
 
     problem, asking = prepared.problem, with_networks(sources, flight.networks)
     timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
-    made: list[OwnFactor] = []
+    made: list[NamedFactor] = []
     losses: list[Loss] = []
     notes: list[str] = []
     for source, of_source in with_timelines(asking, timeline, len(problem.constants.parts)):
@@ -59,13 +59,13 @@ def own_factors(
         if isinstance(factors, Sourced):
             losses += factors.losses
             notes += factors.notes
-    asked = own_constants(asking)
+    asked = custom_constants(asking)
     prepared = prepared.changed(lambda problem: problem.with_constants(asked))
     networks = tuple(one.name for one in asking if hasattr(one, "manifest"))
-    return prepared, OwnFactors(tuple(made), tuple(losses), tuple(notes), networks)
+    return prepared, CustomFactors(tuple(made), tuple(losses), tuple(notes), networks)
 
 
-def own_constants(sources: Iterable[Any]) -> tuple[FlightConstant, ...]:
+def custom_constants(sources: Iterable[Any]) -> tuple[FlightConstant, ...]:
     """Return the constants that sources ask for, by an attribute, one source after another."""
     return tuple(one for source in sources for one in getattr(source, "constants", ()))
 
@@ -75,7 +75,7 @@ def with_timelines(
 ) -> Iterator[tuple[Any, Timeline]]:
     """Yield sources, each with a timeline that has the keys of its constants, from number first."""
     for source in sources:
-        count = len(own_constants((source,)))
+        count = len(custom_constants((source,)))
         yield (
             source,
             replace(timeline, constants=tuple(map(keys.constant, range(first, first + count)))),

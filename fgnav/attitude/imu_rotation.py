@@ -23,7 +23,7 @@ _FEWEST = 5  # samples
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class OwnRotation:
+class ImuRotation:
     """Axes ``u`` that do not turn with it: the body's at first, ``v_u = R_ub @ v_b``."""
 
     t_s: FloatArray  # (n,)
@@ -51,17 +51,17 @@ class OwnRotation:
         return replace(imu, f_b_mps2=np.einsum("nij,nj->ni", self.at(imu.t_s), f_b_mps2))
 
 
-def despun(own: OwnRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
+def despun(own: ImuRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     """Return attitudes R_nu of axes that do not spin, (n, 3, 3), at times, (n,)."""
     return R_nb if own is None else np.asarray(R_nb @ transpose(own.at(t_s)))
 
 
-def spun(own: OwnRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArray:
+def spun(own: ImuRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArray:
     """Return the body's attitudes R_nb, (n, 3, 3), at times, (n,), of those that do not spin."""
     return R_nu if own is None else np.asarray(R_nu @ own.at(t_s))
 
 
-def own_rotation(imu: Imu, R_ub: FloatArray | None = None) -> OwnRotation | None:
+def imu_rotation(imu: Imu, R_ub: FloatArray | None = None) -> ImuRotation | None:
     """Return the rotation by the gyroscope, or else that of a spin; None where nothing is told.
 
     From the identity, or where an earlier record has led, (3, 3).
@@ -77,7 +77,7 @@ def own_rotation(imu: Imu, R_ub: FloatArray | None = None) -> OwnRotation | None
         w_b_radps = np.where(spins[:, None], spin_b_radps, 0.0)
     turns_rad = (w_b_radps[1:] + w_b_radps[:-1]) / 2 * np.diff(imu.t_s)[:, None]
     led = accumulated(turns_rad, np.eye(3) if R_ub is None else np.ascontiguousarray(R_ub))
-    return OwnRotation(t_s=imu.t_s, R_ub=led, w_b_radps=w_b_radps)
+    return ImuRotation(t_s=imu.t_s, R_ub=led, w_b_radps=w_b_radps)
 
 
 def _spin_rates(t_s: FloatArray, f_b_mps2: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -1,4 +1,4 @@
-"""Factors of one's own: which keyframe each enters with, and what is refused."""
+"""Custom factors: which keyframe each enters with, and what is refused."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,19 +9,19 @@ import gtsam
 from fgnav.checks import BadInputError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
-from fgnav.graph.custom import OwnFactor, check_factor, named
+from fgnav.graph.custom import NamedFactor, check_factor, named
 from fgnav.graph.residual_model import spelt
 from fgnav.graph.types.problem import SmoothingProblem
 
-Own: TypeAlias = gtsam.NonlinearFactor | OwnFactor
+Custom: TypeAlias = gtsam.NonlinearFactor | NamedFactor
 
 
-class OwnFactors:
-    """Factors of one's own by the last keyframe that each touches.
+class CustomFactors:
+    """Custom factors by the last keyframe that each touches.
 
     Parameters
     ----------
-    own : sequence of gtsam.NonlinearFactor or OwnFactor
+    custom : sequence of gtsam.NonlinearFactor or NamedFactor
         Keyframe numbers in their keys are rows of the problem.
     problem : SmoothingProblem
 
@@ -31,10 +31,10 @@ class OwnFactors:
         If one touches a variable that the flight has not, or cannot be evaluated.
     """
 
-    def __init__(self, own: Sequence[Own], problem: SmoothingProblem) -> None:
+    def __init__(self, custom: Sequence[Custom], problem: SmoothingProblem) -> None:
         self._problem, layout = problem, Layout.of(problem)
-        constants, factors = set(layout.constant_keys), [named(one) for one in own]
-        self._at: dict[int, list[tuple[int, OwnFactor]]] = defaultdict(list)
+        constants, factors = set(layout.constant_keys), [named(one) for one in custom]
+        self._at: dict[int, list[tuple[int, NamedFactor]]] = defaultdict(list)
         for one in factors:
             involved, last = list(one.factor.keys()), len(problem.t_s) - 1
             rows = [_keyframe(one, key, layout, last) for key in involved if key not in constants]
@@ -49,7 +49,7 @@ class OwnFactors:
         """Return all of them."""
         return [one.factor for entering in self._at.values() for _, one in entering]
 
-    def within(self, span_s: float) -> list[Own]:
+    def within(self, span_s: float) -> list[Custom]:
         """Return those whose keyframes are at most that far apart."""
         t_s = self._problem.t_s
         return [
@@ -79,7 +79,7 @@ class OwnFactors:
         return [one.factor for _, one in entering]
 
 
-def entering_stream(one: OwnFactor, layout: Layout, oldest: int, newest: int) -> bool:
+def entering_stream(one: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
     """Return whether a factor enters with the newest keyframe, which it touches then.
 
     Raises
@@ -99,7 +99,7 @@ def entering_stream(one: OwnFactor, layout: Layout, oldest: int, newest: int) ->
     return True
 
 
-def _keyframe(one: OwnFactor, key: int, layout: Layout, newest: int) -> int:
+def _keyframe(one: NamedFactor, key: int, layout: Layout, newest: int) -> int:
     """Return the keyframe of a variable."""
     k = keys.index(key)
     if k > newest or key not in layout.keyframe(k):

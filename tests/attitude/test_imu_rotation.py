@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fgnav.attitude.own_rotation import despun, own_rotation, spun
+from fgnav.attitude.imu_rotation import despun, imu_rotation, spun
 from fgnav.geometry import rotations
 from fgnav.types.flight import Imu
 
@@ -43,26 +43,26 @@ def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0, arm_b_m=(0.0, 0.0, 0.
 def test_the_accelerometer_tells_a_spin_and_its_axis(rate, axis, arm_b_m):
     w_b = rate * np.array(axis)
     imu, _ = turning(w_b, noise_mps2=0.01, arm_b_m=arm_b_m)
-    own = own_rotation(imu)
+    own = imu_rotation(imu)
     # From one fix to the next, a tenth of a second, 0.01 rad.
     assert_allclose(own.w_b_radps[60:-60], np.tile(w_b, (len(T_S) - 120, 1)), atol=0.1)
 
 
 def test_what_a_rotation_adds_off_its_axis_is_taken_off_where_asked():
     imu, _ = turning([0.5, 3.0, -1.0], gyroscope=True, arm_b_m=ARM_B_M)
-    centre = own_rotation(imu).forces(imu, -ARM_B_M).f_b_mps2
+    centre = imu_rotation(imu).forces(imu, -ARM_B_M).f_b_mps2
     assert_allclose(centre, np.tile(F_N_MPS2, (len(T_S), 1)), atol=1e-9)
 
 
 def test_what_does_not_spin_or_does_not_show_it_has_no_rotation_of_its_own():
-    assert own_rotation(turning([0.5, 0.0, 0.0])[0]) is None
-    assert own_rotation(turning(5 * F_N_MPS2 / np.linalg.norm(F_N_MPS2))[0]) is None
-    assert own_rotation(turning([0.0, 0.0, 0.0], noise_mps2=1.0)[0]) is None
+    assert imu_rotation(turning([0.5, 0.0, 0.0])[0]) is None
+    assert imu_rotation(turning(5 * F_N_MPS2 / np.linalg.norm(F_N_MPS2))[0]) is None
+    assert imu_rotation(turning([0.0, 0.0, 0.0], noise_mps2=1.0)[0]) is None
 
 
 def test_a_gyroscope_tells_slow_turns_too():
     imu, R_nb = turning([0.1, -0.3, 0.2], gyroscope=True)
-    own = own_rotation(imu)
+    own = imu_rotation(imu)
     at_s = np.array([0.005, 1.2345, 3.9])
     there = rotations.exp(np.array([0.1, -0.3, 0.2]) * at_s[:, None])
     assert_allclose(own.at(at_s), there, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Factors of one's own that alone determine the heading: where the search starts.
+"""Custom factors that alone determine the heading: where the search starts.
 
 Turned about down by an angle psi, a body at keyframe k has the tangent ``R_nb' e3 psi``. A factor
 of Jacobian J, whitened, determines that angle with the 1-sigma ``1 / |J R_nb' e3|``.
@@ -15,15 +15,15 @@ from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
-from fgnav.graph.custom import OwnFactor
+from fgnav.graph.custom import NamedFactor
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
 
 _DETERMINED_RAD = np.radians(15.0)  # 1-sigma at most: sin x = x within 1.2 %
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
 
 
-def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> PreparedFlight:
-    """Return a flight whose heading is known from where factors of one's own determine it.
+def with_custom_heading(prepared: PreparedFlight, custom: Sequence[NamedFactor]) -> PreparedFlight:
+    """Return a flight whose heading is known from where custom factors determine it.
 
     The search starts where those so far have the heading, carried back to the first keyframe as
     the opening has the body turn; the first attitude is as unknown as before. A flight whose
@@ -32,14 +32,14 @@ def with_own_heading(prepared: PreparedFlight, own: Sequence[OwnFactor]) -> Prep
     Parameters
     ----------
     prepared : PreparedFlight
-    own : sequence of OwnFactor
+    custom : sequence of NamedFactor
         Numbers in their keys are rows of the problem.
     """
     opening = prepared.opening
     if opening is None:
         return prepared
-    first: dict[int, OwnFactor] = {}
-    for one in own:
+    first: dict[int, NamedFactor] = {}
+    for one in custom:
         involved = list(one.factor.keys())
         if len(involved) == 1 and keys.letter(involved[0]) == "x":
             first.setdefault(keys.index(involved[0]), one)
@@ -89,7 +89,7 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
 
 
 def _heading_correction(
-    problem: SmoothingProblem, one: OwnFactor, k: int
+    problem: SmoothingProblem, one: NamedFactor, k: int
 ) -> tuple[float, float] | None:
     """Return by how much a factor wants keyframe k turned about down, and its information.
 

@@ -62,7 +62,7 @@ class LinearProblem:
         single = (*self.priors, *(factor for _, factor in self.phases))
         return of_motion + of_sensors + sum(float(one.getb() @ one.getb()) for one in single)
 
-    def links(self) -> Iterator[gtsam.JacobianFactor]:
+    def motion_factors(self) -> Iterator[gtsam.JacobianFactor]:
         """Yield the motion to each keyframe from the one before, where that is known."""
         if self.motion is None:
             return
@@ -80,7 +80,7 @@ class LinearProblem:
             )
             yield _factor(variables, blocks, i, value[i])
 
-    def at_keyframes(self) -> list[list[gtsam.GaussianFactor]]:
+    def unary_factors(self) -> list[list[gtsam.GaussianFactor]]:
         """Return what speaks of each keyframe, of constants and arcs, and of no other keyframe."""
         found: list[list[gtsam.GaussianFactor]] = [[] for _ in self.numbers]
         if self.priors:
@@ -95,10 +95,10 @@ class LinearProblem:
             found[place].append(factor)
         return found
 
-    def by_oldest(self) -> list[list[gtsam.GaussianFactor]]:
+    def factors_by_keyframe(self) -> list[list[gtsam.GaussianFactor]]:
         """Return all by the oldest keyframe of each, of keyframes from the first of a flight on."""
-        found = self.at_keyframes()
-        for k, link in enumerate(self.links()):
+        found = self.unary_factors()
+        for k, link in enumerate(self.motion_factors()):
             found[k].append(link)
         return found
 
@@ -111,7 +111,7 @@ class LinearProblem:
         return _blocks(J, [slice(first, first + part.size) for first, part in parts])
 
 
-def linearised(
+def linearise(
     problem: SmoothingProblem,
     rows: IntArray,
     at: States,
@@ -169,7 +169,7 @@ def linearised(
     return linear
 
 
-def linear_at_keyframe(
+def keyframe_factor(
     layout: Layout, k: int, J: FloatArray, right: FloatArray
 ) -> gtsam.JacobianFactor:
     """Return whitened rows, (m, D + b), of keyframe k's tangent and the constants."""

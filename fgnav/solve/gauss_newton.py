@@ -1,13 +1,13 @@
 """The minimum of a whole flight: Gauss-Newton by GTSAM's elimination, damped where the cost rises.
 
-What a Newton step promises of the cost is its squared length in the measure of the information: no
-state moves by more sigmas than its root. Near a minimum promises fall with their square, so the
-ratio of the last two bounds the next step, which need not be computed. Where the cost rises
-rotations have gone too far, and information grows that they stay where they are; it shrinks where
-a step kept its promise (Marquardt's rule [1]_), for where it did not the residuals' own curvature
-outweighs their slopes', and a Newton step never leads to the minimum. Promises then shrink in a
-ratio of their own, and what remains is the sum of their series, until it is so little that a Newton
-step is short as well.
+The decrease that a linear model predicts of a step is its squared length in the measure of the
+information: no state moves by more sigmas than its root. Near a minimum predictions fall with their
+square, so the ratio of the last two bounds the next step, which need not be computed. Where the
+cost rises rotations have gone too far, and damping holds them; it falls where the gain ratio, of
+what the cost fell to what was predicted, is near one (Marquardt's rule [1]_). Where the residuals'
+own curvature outweighs their slopes' a Newton step never ends at the minimum: predictions of damped
+steps then shrink in a constant ratio, and what remains is the sum of their series, until it is so
+little that a Newton step is short as well.
 
 ``gtsam.LevenbergMarquardtOptimizer`` takes minutes where carrier phases have gaps, and its damping
 holds positions as much as rotations.
@@ -27,17 +27,17 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
-from fgnav.graph.linear import linearised
 from fgnav.graph.types.problem import SmoothingProblem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
+from fgnav.solve.linear import linearise
 
 STEP_SIGMAS = 0.01  # a next Newton step below this share of every sigma: it is a minimum
 ITERATIONS = 300  # in outages a search creeps along a valley: 143 where it took most
-_NEAR = 1.0  # promised decreases below it shrink with their square, as Newton's do
+_NEAR = 1.0  # predicted decreases below it shrink with their square, as Newton's do
 _NEARER = 0.01  # where a Newton step is not short yet: it is ten times as far as a damped one
-_KEPT = 0.75  # share of a promise that a good model keeps (Madsen et al., 2004, equation 2.20)
+_GAIN = 0.75  # gain ratio of a good model (Madsen et al., 2004, equation 2.20)
 _DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on rotations
 
 
@@ -48,7 +48,7 @@ class Minimum(NamedTuple):
     log_evidence: float  # log marginal likelihood of all that was measured, but for a constant
 
 
-class _Place(NamedTuple):
+class _Point(NamedTuple):
     """Where a search stands: states, and ambiguities by key."""
 
     states: States
@@ -58,7 +58,7 @@ class _Place(NamedTuple):
 class _Linear(NamedTuple):
     """A flight linearised at a place."""
 
-    at: _Place
+    at: _Point
     cost: float
     factors: list[list[gtsam.GaussianFactor]]  # by the oldest keyframe of each
 
@@ -73,25 +73,25 @@ class _Eliminated(NamedTuple):
     @property
     def least(self) -> float:
         """The cost to which a step would lead, if all were linear."""
-        return self.linear.cost - self.elimination.promised
+        return self.linear.cost - self.elimination.predicted_decrease
 
     @property
-    def promised(self) -> float:
-        """By how much a step would lower it; of large costs it is rounding."""
+    def predicted(self) -> float:
+        """The decrease that a step would bring; of large costs it is rounding."""
         return max(self.cost - self.least, 0.0)
 
-    def moved(self) -> _Place:
+    def moved(self) -> _Point:
         """Return where a step leads."""
         at, (steps, constants, arcs) = self.linear.at, self.elimination.step()
         moved = {key: at.arcs[key] + step for key, step in arcs.items()}
-        return _Place(at.states.moved(steps, constants), moved)
+        return _Point(at.states.moved(steps, constants), moved)
 
 
 class _Flight:
-    """A problem and factors of one's own, linearised again and again."""
+    """A problem and custom factors, linearised again and again."""
 
-    def __init__(self, problem: SmoothingProblem, own: Sequence[gtsam.NonlinearFactor]) -> None:
-        self._problem, self._own, self._layout = problem, own, Layout.of(problem)
+    def __init__(self, problem: SmoothingProblem, custom: Sequence[gtsam.NonlinearFactor]) -> None:
+        self._problem, self._custom, self._layout = problem, custom, Layout.of(problem)
         phase, last = problem.phase, len(problem.t_s) - 1
         self._arcs: dict[int, list[tuple[int, int]]] = {}  # that end with a keyframe
         if phase is not None:
@@ -99,21 +99,23 @@ class _Flight:
                 self._arcs[k] = [(keys.arcs(j), phase.blocks[j].size) for j in of]
         self._end = {key: k for k, of in self._arcs.items() for key, _ in of}
 
-    def place(self, states: States) -> _Place:
+    def point(self, states: States) -> _Point:
         """Return states, with all ambiguities at zero."""
-        return _Place(states, {key: np.zeros(n) for of in self._arcs.values() for key, n in of})
+        return _Point(states, {key: np.zeros(n) for of in self._arcs.values() for key, n in of})
 
-    def linear(self, at: _Place) -> _Linear:
+    def linear(self, at: _Point) -> _Linear:
         """Return the problem linearised."""
         n = len(self._problem.t_s)
         before = at.states.at(slice(0, n - 1))
-        linear = linearised(self._problem, np.arange(n), at.states, before, arcs=at.arcs)
-        factors, cost = linear.by_oldest(), linear.cost
-        for k, leading in self._leading(at.arcs):
-            factors[k].append(leading)
-            cost += float(leading.getb() @ leading.getb())
-        values = flight_values(self._problem, at.states, at.arcs) if self._own else gtsam.Values()
-        for factor in self._own:
+        linear = linearise(self._problem, np.arange(n), at.states, before, arcs=at.arcs)
+        factors, cost = linear.factors_by_keyframe(), linear.cost
+        for k, transition in self._transitions(at.arcs):
+            factors[k].append(transition)
+            cost += float(transition.getb() @ transition.getb())
+        values = gtsam.Values()
+        if self._custom:
+            values = flight_values(self._problem, at.states, at.arcs)
+        for factor in self._custom:
             custom = factor.linearize(values)
             if custom is not None:  # a factor that is not active is none
                 factors[self._oldest(factor)].append(custom)
@@ -131,25 +133,27 @@ class _Flight:
         elimination.solve()
         return _Eliminated(linear, elimination, linear.cost)
 
-    def _leading(self, arcs: Mapping[int, FloatArray]) -> list[tuple[int, gtsam.JacobianFactor]]:
-        """Return what leads from ambiguities to the next, by the keyframe that it enters with."""
+    def _transitions(
+        self, arcs: Mapping[int, FloatArray]
+    ) -> list[tuple[int, gtsam.JacobianFactor]]:
+        """Return transitions from ambiguities to the next, by the keyframe that has each."""
         phase = self._problem.phase
         if phase is None:
             return []
         ends = [self._end[keys.arcs(max(j - 1, 0))] for j in range(len(phase.blocks))]
-        return [(k, phase.leading(j, arcs)) for j, k in enumerate(ends)]
+        return [(k, phase.transition(j, arcs)) for j, k in enumerate(ends)]
 
     def _oldest(self, factor: gtsam.NonlinearFactor) -> int:
-        """Return the first keyframe that a factor of one's own touches; 0 of none."""
+        """Return the first keyframe that a custom factor touches; 0 of none."""
         touched = [key for key in factor.keys() if not keys.is_constant(key)]  # noqa: SIM118
         return min((self._end.get(key, keys.index(key)) for key in touched), default=0)
 
 
-def descended(
+def gauss_newton(
     problem: SmoothingProblem,
     *,
     begin: States | None = None,
-    own: Sequence[gtsam.NonlinearFactor] = (),
+    custom: Sequence[gtsam.NonlinearFactor] = (),
     most: int = ITERATIONS,
 ) -> Minimum:
     """Return the minimum that a search ends in; not converged if it ends in none.
@@ -159,8 +163,8 @@ def descended(
     problem : SmoothingProblem
     begin : States, optional
         Where the search begins, instead of ``problem.start``: where a window ended.
-    own : sequence of gtsam.NonlinearFactor
-        Factors of one's own.
+    custom : sequence of gtsam.NonlinearFactor
+        Custom factors.
     most : int
         Iterations after which a search is given up.
 
@@ -169,35 +173,35 @@ def descended(
     NoSolutionError
         Naming the state that the data leave open, and when.
     """
-    flight = _Flight(problem, own)
-    here = flight.eliminated(flight.linear(flight.place(problem.start if begin is None else begin)))
+    flight = _Flight(problem, custom)
+    here = flight.eliminated(flight.linear(flight.point(problem.start if begin is None else begin)))
     trial, iterations, damping, previous = here.moved(), 1, 0.0, np.inf
-    is_kept, aim = True, STEP_SIGMAS**2  # the last promise, as far as damping may be lowered
+    is_good, aim = True, STEP_SIGMAS**2  # the prediction below which damping may be lowered
     if trial.arcs:  # linear: at once where states would have them, which changes the cost alone
-        here = here._replace(cost=flight.linear(_Place(here.linear.at.states, trial.arcs)).cost)
+        here = here._replace(cost=flight.linear(_Point(here.linear.at.states, trial.arcs)).cost)
     while iterations < most and damping < _MOST_DAMPING:
-        promised = here.promised
-        near = promised < min(previous, _NEAR) and previous < np.inf
-        ratio = promised / previous if near else 1.0
-        is_last = promised * ratio < (STEP_SIGMAS**2 if damping == 0.0 else aim * (1.0 - ratio))
+        predicted = here.predicted
+        near = predicted < min(previous, _NEAR) and previous < np.inf
+        ratio = predicted / previous if near else 1.0
+        is_last = predicted * ratio < (STEP_SIGMAS**2 if damping == 0.0 else aim * (1.0 - ratio))
         if is_last and damping == 0.0:
             return _minimum(problem, here, iterations, trial.states)
-        lower = damping / 10 if is_kept else damping
+        lower = damping / 10 if is_good else damping
         lower = 0.0 if is_last or lower < _DAMPING else lower
         linear = flight.linear(trial)
         iterations += 1
         if linear.cost > here.cost:
-            is_kept, damping, previous = False, max(10 * damping, _DAMPING), np.inf
+            is_good, damping, previous = False, max(10 * damping, _DAMPING), np.inf
             here = flight.eliminated(here.linear, damping)._replace(cost=here.cost)
         else:
             tried = flight.eliminated(linear, lower)
-            if is_last and tried.promised < STEP_SIGMAS**2:  # which is not gone
+            if is_last and tried.predicted < STEP_SIGMAS**2:  # which is not gone
                 return _minimum(problem, tried, iterations, trial.states)
             if is_last:
                 aim, lower = _NEARER * aim, damping
                 tried = flight.eliminated(linear, damping)
-            is_kept = here.cost - tried.cost > _KEPT * promised
-            previous = promised if lower == damping else np.inf
+            is_good = here.cost - tried.cost > _GAIN * predicted
+            previous = predicted if lower == damping else np.inf
             here, damping = tried, lower
         trial = here.moved()
     return _minimum(problem, flight.eliminated(here.linear) if damping else here, iterations, None)
@@ -215,7 +219,7 @@ def posterior_at(problem: SmoothingProblem, states: States) -> Solution:
         Naming the state that the data leave open, and when.
     """
     flight = _Flight(problem, ())
-    linear = flight.linear(flight.place(states))
+    linear = flight.linear(flight.point(states))
     return replace(_minimum(problem, flight.eliminated(linear), 1, None).solution, states=states)
 
 
