@@ -109,7 +109,11 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
 
 def _summaries(order: Order, table: Table) -> Blocks:
     """Return a table of each case."""
-    heads = ["method", "answered", *(FIGURES[name].head or name for name in _SUMMARY)]
+    heads = [
+        "method",
+        "answered",
+        *(FIGURES[name].head or name.replace("_", " ") for name in _SUMMARY),
+    ]
     heads += [f"ratio to {order.reference}", "of one only"]
     return [
         block

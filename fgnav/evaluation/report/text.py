@@ -5,21 +5,24 @@ from textwrap import wrap
 
 from fgnav.evaluation.report.parts import Block, Folded, Paragraph, Table
 
+_LINE = 110  # letters of a line of prose
 _NAME, _CELL = 24, 64  # letters of a row's name and of another cell; longer ones are broken
 
 
 def text_lines(blocks: Iterable[Block], width: int) -> list[str]:
     """Return all that is text in blocks; tables follow an empty line."""
     lines: list[str] = []
+    prose = min(width, _LINE)
     for block in blocks:
         match block:
             case Paragraph(text) if "\n" in text:
-                lines += text.splitlines()
+                for line in text.splitlines():
+                    lines += wrap(line, width, drop_whitespace=False) or [""]
             case Paragraph(text):
-                lines += wrap(text, width, subsequent_indent="  ", break_long_words=False)
+                lines += wrap(text, prose, subsequent_indent="  ", break_long_words=False)
             case Table():
                 lines += [""] if lines else []
-                lines += [*wrap(block.caption, width), *table_lines(block, width)]
+                lines += [*wrap(block.caption, prose), *table_lines(block, width)]
             case Folded(title, inner):
                 lines += ["", title, *text_lines(inner, width)]
     return lines
