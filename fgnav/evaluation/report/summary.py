@@ -14,10 +14,7 @@ _MOST_LINKS = 3
 _DOUBTFUL = 0.01  # what resolvers that accept by a probability leave out (``wrong_max``)
 HEADS = (
     *("roll, deg", "pitch, deg", "yaw, deg", "angle, deg"),
-    *(
-        "azimuth, deg",
-        "elevation, deg",
-    ),  # of antennas in a line
+    *("azimuth, deg", "elevation, deg"),  # of antennas in a line
     *("position, m", "velocity, m/s"),
     *("NEES, angle", "NEES, place", "NEES, speed"),  # 3 where the stated covariance is right
     "NIS, most",  # of a kind of measurements, 1 where its noise is right

@@ -15,14 +15,7 @@ from matplotlib.figure import Figure
 
 from fgnav.checks import BadInputError, Loss
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.charts import (
-    METHODS,
-    TRUTH,
-    Chart,
-    Line,
-    styles_of,
-    unjumped_deg,
-)
+from fgnav.evaluation.report.charts import METHODS, TRUTH, Chart, Line, styles_of, unjumped_deg
 from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.parts import Folded, Grid, Part, Report, Table
 from fgnav.evaluation.report.render import STYLE, sheets
