@@ -20,7 +20,7 @@ from fgnav.frontend.position.series import VectorSeries
 from fgnav.frontend.stages import Aligned, Tracked, moves_about
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, SmoothingProblem
+from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, Problem
 from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import InitialAttitude
 
@@ -30,8 +30,8 @@ _SURE_MPS2 = 0.3  # of their noise: a third of what cars, boats and walkers acce
 
 
 def until_motion(
-    problem: SmoothingProblem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
-) -> SmoothingProblem:
+    problem: Problem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
+) -> Problem:
     """Return a problem without information about heading by specific force before motion.
 
     Its first heading is known as well as the gyroscope carries it back from there.
@@ -45,7 +45,7 @@ def until_motion(
 
 
 def open_heading(
-    problem: SmoothingProblem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
+    problem: Problem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
 ) -> Opening | None:
     """Return a problem as windows have it before the heading is known; None if it always is.
 
@@ -60,8 +60,8 @@ def open_heading(
         return None
     p_n_m, v_n_mps = moves_about(stage, track, R_nb)
     # They speak of the heading, which here is arbitrary.
-    parts = tuple(part for part in problem.measurements if part.name != WHEELS)
-    without_wheels = replace(problem, measurements=parts)
+    parts = tuple(part for part in problem.sensors if part.name != WHEELS)
+    without_wheels = replace(problem, sensors=parts)
     opening = replace(
         _with_force_noise(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
@@ -85,9 +85,7 @@ def _carried_back_rad(stage: Aligned) -> float:
     return float(bias_radps * (start.heading_from_s - start.t_s[0]) + FIXED_RAD)
 
 
-def _with_force_noise(
-    problem: SmoothingProblem, track: Tracked, intervals: BoolArray
-) -> SmoothingProblem:
+def _with_force_noise(problem: Problem, track: Tracked, intervals: BoolArray) -> Problem:
     """Return a problem whose accelerometer is taken for noise along the horizontal acceleration."""
     motion = problem.motion
     if not isinstance(motion, Inertial) or not intervals.any():

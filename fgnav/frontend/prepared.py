@@ -11,7 +11,7 @@ from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
-from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
@@ -34,7 +34,7 @@ class PreparedFlight:
 
     Attributes
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     imu : Imu
     earth_rate_n_radps : ndarray, shape (3,)
     epochs : int
@@ -51,9 +51,9 @@ class PreparedFlight:
         Whether the attitudes that the search starts from assume something.
     causal : bool
         Whether each keyframe is to be known by what came before it alone.
-    windowed : SmoothingProblem
+    windowed : Problem
         The same for windows: without information about heading by specific force before motion.
-    in_motion : SmoothingProblem or None
+    in_motion : Problem or None
         As it were if the heading was known: horizontal accelerations are no noise anywhere.
     opening : Opening or None
         What a filter is given in its place until the heading is known.
@@ -71,7 +71,7 @@ class PreparedFlight:
         What keyframes to come need of these.
     """
 
-    problem: SmoothingProblem
+    problem: Problem
     imu: Imu
     earth_rate_n_radps: FloatArray
     epochs: int
@@ -80,11 +80,11 @@ class PreparedFlight:
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
     timed: TimedMotion
-    windowed: SmoothingProblem
+    windowed: Problem
     rough: bool = False
     causal: bool = False
     opening: Opening | None = None
-    in_motion: SmoothingProblem | None = None
+    in_motion: Problem | None = None
     array: tuple[DoubleDifferences, FloatArray] | None = None
     stretches: "tuple[Stretch, ...]" = ()
     implausible: Mapping[str, float] = field(default_factory=dict)
@@ -103,13 +103,13 @@ class PreparedFlight:
     def as_of(self, t_s: float) -> "PreparedFlight":
         """Return the same as it was before integers were taken back after a time."""
 
-        def by(one: SmoothingProblem) -> SmoothingProblem:
+        def by(one: Problem) -> Problem:
             row = int(np.searchsorted(one.t_s, t_s, side="right")) - 1
             return one if one.phase is None else replace(one, phase=one.phase.as_of(row))
 
         return self.changed(by)
 
-    def changed(self, by: Callable[[SmoothingProblem], SmoothingProblem]) -> "PreparedFlight":
+    def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
         """Return the same with all its problems changed."""
         opening, in_motion = self.opening, self.in_motion
         return replace(

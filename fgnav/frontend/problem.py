@@ -20,12 +20,12 @@ from fgnav.frontend.calibration_request import (
 from fgnav.frontend.causal.stages import causal_aligned
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.heading_open import open_heading, until_motion
-from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.motion import is_predicted, motion_of
 from fgnav.frontend.position.by_observations import ByObservations, LastObservations
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
+from fgnav.frontend.sensor_factors import Recorded, sensors_of
 from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion
 from fgnav.frontend.sensors.resting_rates import resting_rates
 from fgnav.frontend.sensors.sensed import Sensed, sense
@@ -36,7 +36,7 @@ from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, mo
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
 from fgnav.types.flight import Flight, Seeker
@@ -98,11 +98,11 @@ def build_problem(
         earlier=None if earlier is None else earlier.arcs,
     )
     phase = phases.phase
-    problem = SmoothingProblem(
+    problem = Problem(
         t_s=track.t_s,
         start=_start(stage, track, constants, turning, motion.aux),
         motion=motion,
-        measurements=measurements_of(
+        sensors=sensors_of(
             replace(
                 _recorded(flight, stage, track, sensed, requested), timed=timed, multipath=multipath
             ),

@@ -28,7 +28,7 @@ class Fits:
     solved, consistent : ndarray of bool, shape (n,)
         Measurements suffice; and their residuals pass the chi-square test, if any is spare.
     worst : ndarray of int, shape (n,)
-        Measurement with the largest residual over its own standard deviation.
+        Sensor with the largest residual over its own standard deviation.
     """
 
     x: FloatArray

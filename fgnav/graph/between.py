@@ -10,14 +10,14 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, log, transpose
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 
 MOST_TIMES = 50_000  # a keyframe takes 93 kB (4 s with gyroscope at 4 kHz: 1.33 GB): 5 GB
 _SAME_S = 1e-4  # a time this close to a keyframe is that keyframe
 
 
-def regular_times(problem: SmoothingProblem, rate_hz: float) -> FloatArray:
+def regular_times(problem: Problem, rate_hz: float) -> FloatArray:
     """Return multiples of a rate's period within the keyframes, (m,)."""
     first = np.ceil(problem.t_s[0] * rate_hz - _SAME_S)
     last = np.floor(problem.t_s[-1] * rate_hz + _SAME_S)
@@ -29,18 +29,18 @@ def regular_times(problem: SmoothingProblem, rate_hz: float) -> FloatArray:
     return np.asarray(np.arange(first, last + 1) / rate_hz)
 
 
-def with_times(problem: SmoothingProblem, t_s: FloatArray) -> tuple[SmoothingProblem, IntArray]:
+def with_times(problem: Problem, t_s: FloatArray) -> tuple[Problem, IntArray]:
     """Return a problem with more keyframes, and what has become of which.
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     t_s : ndarray, shape (m,)
         Times that become keyframes, where none is there.
 
     Returns
     -------
-    problem : SmoothingProblem
+    problem : Problem
         Of n keyframes.
     rows : ndarray of int, shape (m,)
         The keyframes that the times have become.
@@ -68,14 +68,14 @@ def with_times(problem: SmoothingProblem, t_s: FloatArray) -> tuple[SmoothingPro
         t_s=dense_s,
         start=_interpolated(problem, dense_s),
         motion=problem.motion.at_times(dense_s),
-        measurements=tuple(part.on(row[part.row]) for part in problem.measurements),
+        sensors=tuple(part.on(row[part.row]) for part in problem.sensors),
         attitude_known=attitude_known,
         phase=problem.phase and problem.phase.on(row[problem.phase.row]),
     )
     return dense, _nearest(dense_s, wanted)
 
 
-def _interpolated(problem: SmoothingProblem, t_s: FloatArray) -> States:
+def _interpolated(problem: Problem, t_s: FloatArray) -> States:
     """Return where the search starts at more keyframes; at those of the problem, where it did."""
     have, start = problem.t_s, problem.start
     before = np.searchsorted(have, t_s, side="right") - 1

@@ -15,7 +15,7 @@ from fgnav.graph import keys
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.problem import SmoothingProblem, pose_prior
+from fgnav.graph.types.problem import Problem, pose_prior
 from fgnav.graph.types.states import AUX, States
 
 _GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
@@ -41,7 +41,7 @@ class Layout:
     lasting: int = 0
 
     @classmethod
-    def of(cls, problem: SmoothingProblem) -> "Layout":
+    def of(cls, problem: Problem) -> "Layout":
         """Return the variables of a problem."""
         aux = problem.motion.aux
         gyroscope = aux == _GYROSCOPE_AUX
@@ -122,14 +122,14 @@ class KeyframeMeasurements:
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     """
 
-    def __init__(self, problem: SmoothingProblem) -> None:
+    def __init__(self, problem: Problem) -> None:
         edges = np.arange(len(problem.t_s) + 1)
         self._of = [
             (measurement, np.searchsorted(measurement.row, edges).tolist())
-            for measurement in problem.measurements
+            for measurement in problem.sensors
         ]
 
     def factors(self, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
@@ -139,7 +139,7 @@ class KeyframeMeasurements:
                 yield measurement.factor(i, k)
 
 
-def keyframe_priors(problem: SmoothingProblem, k: int = 0) -> list[gtsam.NonlinearFactor]:
+def keyframe_priors(problem: Problem, k: int = 0) -> list[gtsam.NonlinearFactor]:
     """Return what is known of the first keyframe before the flight.
 
     Pose about where the search starts, velocity about zero, both hardly known; ``aux`` as the
@@ -147,7 +147,7 @@ def keyframe_priors(problem: SmoothingProblem, k: int = 0) -> list[gtsam.Nonline
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     k : int
         Number of that keyframe in the graph.
     """
@@ -187,7 +187,7 @@ def constant_priors(constants: Constants) -> list[gtsam.NonlinearFactor]:
 
 
 def flight_values(
-    problem: SmoothingProblem, at: States, arcs: Mapping[int, FloatArray] | None = None
+    problem: Problem, at: States, arcs: Mapping[int, FloatArray] | None = None
 ) -> gtsam.Values:
     """Return all variables of a flight where states stand; arcs by key, else at zero."""
     values, layout = gtsam.Values(), Layout.of(problem)

@@ -25,10 +25,10 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, Measurement, OfAnother
+from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 
@@ -97,12 +97,12 @@ class TimedMotion:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Delayed(OfAnother):
+class Delayed(WrappedSensor):
     """Measurements of other times than their keyframes'.
 
     Attributes
     ----------
-    measurement : Measurement
+    measurement : Sensor
     motion : TimedMotion
         At the keyframes of the k measurements.
     offset_column, rate_column, delay_column : int
@@ -117,7 +117,7 @@ class Delayed(OfAnother):
     delay_column: int
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of some, (j,), see ``Measurement``."""
+        """Return whitened residuals of some, (j,), see ``Sensor``."""
         at, which = contiguous(at, which)
         columns = self.offset_column, self.rate_column, self.delay_column
         values = at.constants[None] if len(which) == 1 else np.tile(at.constants, (len(which), 1))
@@ -135,7 +135,7 @@ class Delayed(OfAnother):
         vector: Use = "angular_motion" if self.motion.measured_b_radps is None else "imu_bias"
         uses: tuple[Use, ...] = ("pose", "velocity", vector)
         parts = parts_of(self.constants, (*columns, *inner))
-        return of_measurement(self, i, key, uses, parts, rows=shared.shape[1])
+        return sensor_factor(self, i, key, uses, parts, rows=shared.shape[1])
 
 
 def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) -> Solution:
@@ -196,18 +196,18 @@ def _carried(
 
 
 def on_clock(
-    measurement: Measurement,
+    measurement: Sensor,
     motion: TimedMotion,
     constants: Constants,
     *,
     delay: str = "",
     clock: bool = True,
-) -> Measurement:
+) -> Sensor:
     """Return a measurement with its delay, and the unit's clock, if the constants have any.
 
     Parameters
     ----------
-    measurement : Measurement
+    measurement : Sensor
     motion : TimedMotion
         At all keyframes.
     constants : Constants

@@ -23,8 +23,8 @@ from fgnav.graph.build import Layout, insert_variables
 from fgnav.graph.custom import NamedFactor
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
 from fgnav.graph.innovation.place_by_code import place_innovation
-from fgnav.graph.types.measurement import Measurement
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import AUX, VELOCITY
 from fgnav.types.estimate import Consistency
@@ -83,20 +83,18 @@ class InnovationSeries(NamedTuple):
         )
 
 
-def innovation_series(
-    problem: SmoothingProblem, solution: Solution
-) -> tuple[InnovationSeries, ...]:
+def innovation_series(problem: Problem, solution: Solution) -> tuple[InnovationSeries, ...]:
     """Return the normalised innovations of every sensor.
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     solution : Solution
         Of all its keyframes.
     """
     of_sensors = _by_name(
         (one.name, normalised_innovations(one, solution), problem.t_s[one.row])
-        for one in problem.measurements
+        for one in problem.sensors
         if len(one.row)
     )
     phase = problem.phase
@@ -115,12 +113,12 @@ def innovation_series(
     return (*of_sensors, of_phases, InnovationSeries(name, first_s, *map(np.array, values)))
 
 
-def normalised_innovations(measurement: Measurement, solution: Solution) -> Innovations:
+def normalised_innovations(measurement: Sensor, solution: Solution) -> Innovations:
     """Return the normalised innovations squared of one sensor's measurements.
 
     Parameters
     ----------
-    measurement : Measurement
+    measurement : Sensor
         k measurements of keyframes that the solution has.
     solution : Solution
     """
@@ -138,7 +136,7 @@ def normalised_innovations(measurement: Measurement, solution: Solution) -> Inno
 
 
 def innovations_of(
-    measurement: Measurement,
+    measurement: Sensor,
     which: IntArray,
     solution: Solution,
     rows: IntArray,

@@ -13,7 +13,7 @@ from fgnav.frontend.position.by_observations import LastObservations
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.estimates import stated_at
@@ -34,7 +34,7 @@ class _Keyframe(NamedTuple):
     """A keyframe as it was known when it came."""
 
     prepared: PreparedFlight
-    problem: SmoothingProblem
+    problem: Problem
     row: int
     known: "Departed"
 
@@ -215,7 +215,7 @@ class ObservationStream:
 
     def _begun(
         self, prepared: PreparedFlight, look_s: float, at_s: float
-    ) -> tuple[PreparedFlight, SmoothingProblem]:
+    ) -> tuple[PreparedFlight, Problem]:
         """Return a problem as of a time, what windows have of it, the keyframes before in one.
 
         The window begins again where its problem is another one.
@@ -237,15 +237,13 @@ class ObservationStream:
         self._advance(prepared, problem, int(np.searchsorted(problem.t_s, at_s)))
         return prepared, problem
 
-    def _keyframe(
-        self, prepared: PreparedFlight, problem: SmoothingProblem, at_s: float
-    ) -> _Keyframe:
+    def _keyframe(self, prepared: PreparedFlight, problem: Problem, at_s: float) -> _Keyframe:
         """Let a keyframe enter the window."""
         row = int(np.searchsorted(problem.t_s, at_s))
         self._advance(prepared, problem, row + 1)
         return _Keyframe(prepared, problem, row, self._newest)
 
-    def _advance(self, prepared: PreparedFlight, problem: SmoothingProblem, end: int) -> None:
+    def _advance(self, prepared: PreparedFlight, problem: Problem, end: int) -> None:
         """Let keyframes before a row enter the window."""
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 

@@ -10,7 +10,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.calibration_report import calibrated_constants
@@ -83,7 +83,7 @@ class Stream:
         self._sources = with_networks(factors, set_up.networks)
         self._asked = custom_constants(self._sources)
         self._times_s: list[float] = []  # of all keyframes; only for sources
-        self._latest: SmoothingProblem | None = None
+        self._latest: Problem | None = None
         self._body: Body | None = None
         self._window = FixedLag(lag_s, block_s=0.0)
         self._last_s = -np.inf
@@ -183,7 +183,7 @@ class Stream:
         return self._estimate(self._window.rest())
 
     def _custom(
-        self, measurements: Measurements, problem: SmoothingProblem
+        self, measurements: Measurements, problem: Problem
     ) -> "tuple[gtsam.NonlinearFactor, ...]":
         """Return custom factors that touch the coming keyframe."""
         if not (self._sources or measurements.factors):
@@ -214,9 +214,7 @@ class Stream:
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
 
-    def _custom_tests(
-        self, problem: SmoothingProblem, departed: "Departed"
-    ) -> tuple[Consistency, ...]:
+    def _custom_tests(self, problem: Problem, departed: "Departed") -> tuple[Consistency, ...]:
         """Return how custom factors agree that leave with keyframes.
 
         Those that reach back to keyframes which left before have nothing to be held against.

@@ -21,8 +21,8 @@ from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedM
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Measurement
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.solution import Solution
 from fgnav.noise.decimation import Subset
 
@@ -58,13 +58,13 @@ class Calibrated(NamedTuple):
 
 
 def with_latency_and_lever_arm(
-    problem: SmoothingProblem, timed: TimedMotion, kinds: tuple[str, ...]
-) -> SmoothingProblem:
+    problem: Problem, timed: TimedMotion, kinds: tuple[str, ...]
+) -> Problem:
     """Return a decimated problem with constants that its measurements of fixes depend on.
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
         Decimated.
     timed : TimedMotion
         At its keyframes.
@@ -81,8 +81,8 @@ def with_latency_and_lever_arm(
     constants = extended.constants
     arm = constants.column(LEVER_ARM) if LEVER_ARM in kinds else -1
     measurements = []
-    for one in extended.measurements:
-        changed: Measurement = one
+    for one in extended.sensors:
+        changed: Sensor = one
         if arm >= 0 and isinstance(one, Position | Velocity):
             changed = replace(one, lever_column=arm)
         elif isinstance(one, Subset):
@@ -97,7 +97,7 @@ def with_latency_and_lever_arm(
     phase = extended.phase
     if phase is not None and arm >= 0:
         phase = replace(phase, lever_column=arm)
-    return replace(extended, measurements=tuple(measurements), phase=phase)
+    return replace(extended, sensors=tuple(measurements), phase=phase)
 
 
 def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ...]:

@@ -19,7 +19,7 @@ from fgnav.graph.delayed_kernel import PPM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import LinearisedMotion, Motion
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.noise.rescaled import WrappedMotion
 from fgnav.types.flight import Flight, Imu
@@ -100,7 +100,7 @@ class ClockedMotion(WrappedMotion):
         )
 
 
-def with_clock(problem: SmoothingProblem) -> SmoothingProblem:
+def with_clock(problem: Problem) -> Problem:
     """Return a problem with the unit's clock among its constants, if it has none yet."""
     if problem.constants.column(CLOCK_OFFSET) >= 0:
         return problem

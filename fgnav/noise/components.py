@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.graph.types.measurement import Linearised
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.solution import Solution
-from fgnav.noise.rescaled import RescaledMeasurement, RescaledMotion
+from fgnav.noise.rescaled import RescaledMotion, RescaledSensor
 
 if TYPE_CHECKING:
     from fgnav.graph.types.motion import Motion
@@ -73,13 +73,13 @@ class NoiseComponents:
 
     Attributes
     ----------
-    problem : SmoothingProblem
+    problem : Problem
         With the nominal noise.
     names : tuple of str
         Of the c components: those of the motion, then those of sensors.
     """
 
-    problem: SmoothingProblem
+    problem: Problem
     names: tuple[str, ...]
     _motion: tuple[str, ...]
     _sensors: tuple[_SensorNoise, ...]
@@ -88,13 +88,13 @@ class NoiseComponents:
 
     @classmethod
     def of(
-        cls, problem: SmoothingProblem, sensors: tuple[str, ...], standstill: Standstill | None
+        cls, problem: Problem, sensors: tuple[str, ...], standstill: Standstill | None
     ) -> "NoiseComponents":
         """Return the components of a problem.
 
         Parameters
         ----------
-        problem : SmoothingProblem
+        problem : Problem
         sensors : tuple of str
             Measurements whose noise is one factor on the nominal.
         standstill : Standstill or None
@@ -105,7 +105,7 @@ class NoiseComponents:
         if standstill is not None:
             motion += tuple(name + AT_REST for name in motion if name in WHITE)
         found: list[_SensorNoise] = []
-        for i, one in enumerate(problem.measurements):
+        for i, one in enumerate(problem.sensors):
             if one.name not in sensors:
                 continue
             rests = np.zeros(len(one.row), dtype=np.bool_)
@@ -117,29 +117,27 @@ class NoiseComponents:
         names = (*motion, *dict.fromkeys(one.name for one in found))
         return cls(problem, names, motion, tuple(found), standstill)
 
-    def problem_at(self, theta: FloatArray) -> SmoothingProblem:
+    def problem_at(self, theta: FloatArray) -> Problem:
         """Return the problem with standard deviations multiplied by ``exp(theta)``, (c,)."""
         factor = {name: float(f) for name, f in zip(self.names, np.exp(theta), strict=True)}
         of_sensor: dict[int, FloatArray] = {}
         for one in self._sensors:
-            rows = self.problem.measurements[one.measurement].row
+            rows = self.problem.sensors[one.measurement].row
             of_sensor.setdefault(one.measurement, np.ones(len(rows)))[one.rows] = factor[one.name]
         measurements = tuple(
-            RescaledMeasurement(
-                measurement=one, constants=self.problem.constants, factors=of_sensor[i]
-            )
+            RescaledSensor(measurement=one, constants=self.problem.constants, factors=of_sensor[i])
             if i in of_sensor
             else one
-            for i, one in enumerate(self.problem.measurements)
+            for i, one in enumerate(self.problem.sensors)
         )
         white = [
             np.linalg.inv(np.linalg.cholesky(fixed + np.einsum("c,kcij->kij", variance, parts)))
             for _, parts, fixed, variance in self._intervals(theta)
         ]
         motion = cast("Motion", RescaledMotion(self.problem.motion, np.concatenate(white)))
-        return replace(self.problem, motion=motion, measurements=measurements)
+        return replace(self.problem, motion=motion, sensors=measurements)
 
-    def score(self, theta: FloatArray, problem: SmoothingProblem, solution: Solution) -> Score:
+    def score(self, theta: FloatArray, problem: Problem, solution: Solution) -> Score:
         """Return the derivatives at the minimum of ``problem_at(theta)``."""
         c = len(self.names)
         total = Score(np.zeros(c), np.zeros(c), np.zeros((c, c)))
@@ -161,7 +159,7 @@ class NoiseComponents:
         spread = (total.information + np.diag(2 * total.redundancy.clip(0))) / 2
         return total._replace(information=spread)
 
-    def residuals(self, name: str, problem: SmoothingProblem, solution: Solution) -> FloatArray:
+    def residuals(self, name: str, problem: Problem, solution: Solution) -> FloatArray:
         """Return whitened residuals of a component of a sensor, (k, m), in order of time."""
         (one,) = (one for one in self._sensors if one.name == name)
         return _measured(problem, solution, one)[0]
@@ -194,7 +192,7 @@ class NoiseComponents:
 
 
 def _interval_rows(
-    problem: SmoothingProblem, solution: Solution, k: IntArray
+    problem: Problem, solution: Solution, k: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return residuals, (k, D), Jacobians and covariances of both states and the constants."""
     if solution.cross is None:
@@ -213,10 +211,10 @@ def _interval_rows(
 
 
 def _measured(
-    problem: SmoothingProblem, solution: Solution, one: _SensorNoise
+    problem: Problem, solution: Solution, one: _SensorNoise
 ) -> tuple[FloatArray, FloatArray]:
     """Return residuals, (k, m), and ``M``, (k, m, m), of rows that measure something."""
-    measurement = problem.measurements[one.measurement]
+    measurement = problem.sensors[one.measurement]
     row = measurement.row[one.rows]
     linear: Linearised = measurement.linearise(solution.states.at(row), one.rows)
     J = np.concatenate([linear.state, linear.shared], axis=2)

@@ -16,9 +16,9 @@ from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.measurement import Linearised, Measurement, OfSensor
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Linearised, Sensor, SensorRows
 from fgnav.graph.types.states import States
 
 _KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %
@@ -27,21 +27,21 @@ _VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Subset(OfSensor):
+class Subset(SensorRows):
     """Some of a sensor's measurements, numbered by the keyframes of a decimated problem.
 
     Attributes
     ----------
-    measurement : Measurement
+    measurement : Sensor
     indices : ndarray of int, shape (k,)
         Of its rows.
     """
 
-    measurement: Measurement
+    measurement: Sensor
     indices: IntArray
 
     @classmethod
-    def at(cls, measurement: Measurement, keyframes: IntArray) -> "Subset":
+    def at(cls, measurement: Sensor, keyframes: IntArray) -> "Subset":
         """Return the measurements of some keyframes."""
         indices = np.flatnonzero(np.isin(measurement.row, keyframes))
         row = np.searchsorted(keyframes, measurement.row[indices])
@@ -58,7 +58,7 @@ class Subset(OfSensor):
         return self.measurement.freedom[self.indices]
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of some, (j,); see ``Measurement``."""
+        """Return whitened residuals of some, (j,); see ``Sensor``."""
         return self.measurement.linearise(at, self.indices[which])
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
@@ -66,22 +66,22 @@ class Subset(OfSensor):
         return self.measurement.factor(int(self.indices[i]), key)
 
 
-def decimated(problem: SmoothingProblem) -> tuple[SmoothingProblem, IntArray]:
+def decimated(problem: Problem) -> tuple[Problem, IntArray]:
     """Return a problem of fewer keyframes, and which they are, (k,).
 
     Constraints of vehicles are left out: slip of wheels has no noise that is to be identified.
     """
     every = np.arange(len(problem.t_s))
-    sensors = tuple(one for one in problem.measurements if one.name not in _VEHICLE)
+    sensors = tuple(one for one in problem.sensors if one.name not in _VEHICLE)
     if problem.phase is not None:
-        return replace(problem, measurements=sensors), every
+        return replace(problem, sensors=sensors), every
     keyframes = _keyframes(problem, sensors)
     return (
-        SmoothingProblem(
+        Problem(
             t_s=problem.t_s[keyframes],
             start=problem.start.at(keyframes),
             motion=_motion_between(problem.motion, keyframes),
-            measurements=tuple(
+            sensors=tuple(
                 Subset.at(one, keyframes) for one in sensors if np.isin(one.row, keyframes).any()
             ),
             constants=problem.constants,
@@ -91,7 +91,7 @@ def decimated(problem: SmoothingProblem) -> tuple[SmoothingProblem, IntArray]:
     )
 
 
-def _keyframes(problem: SmoothingProblem, sensors: tuple[Measurement, ...]) -> IntArray:
+def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:
     n = len(problem.t_s)
     if not isinstance(problem.motion, Inertial):
         first = max(0, (n - _KEYFRAMES) // 2)

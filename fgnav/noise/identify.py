@@ -19,7 +19,7 @@ from fgnav.frontend.calibration_request import CalibrationRequest, calibration_r
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.inertial.gyro_free import GyroFree
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.noise.calibration import (
     CLOCK,
     LATENCY,
@@ -162,7 +162,7 @@ def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]
     if not factors:
         return prepared
 
-    def changed(one: SmoothingProblem) -> SmoothingProblem:
+    def changed(one: Problem) -> Problem:
         phase = one.phase
         return one if phase is None else replace(one, phase=with_errors(phase, factors))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph.correlation import correlated
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.noise.components import INSTRUMENTS, WHITE, NoiseComponents, Score
@@ -69,14 +69,14 @@ class NoisePosterior(NamedTuple):
     components : NoiseComponents
     theta, sigma : ndarray, shape (c,)
         Logarithms of factors, and their 1-sigma.
-    problem : SmoothingProblem
+    problem : Problem
     minimum : Minimum
     """
 
     components: NoiseComponents
     theta: FloatArray
     sigma: FloatArray
-    problem: SmoothingProblem
+    problem: Problem
     minimum: Minimum
 
     @property
@@ -151,7 +151,7 @@ def _begin(components: NoiseComponents, theta: FloatArray) -> tuple[FloatArray, 
     """
     names, problem = components.names, components.problem
     raised = [i for i, name in enumerate(names) if name in (*WHITE, *INSTRUMENTS)]
-    rows = sum(int(one.freedom.sum()) for one in problem.measurements)
+    rows = sum(int(one.freedom.sum()) for one in problem.sensors)
     if problem.phase is not None:
         rows += int(problem.phase.freedom.sum())
     states = problem.start

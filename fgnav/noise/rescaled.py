@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.types.measurement import Linearised, OfAnother
 from fgnav.graph.types.motion import LinearisedMotion, Motion
+from fgnav.graph.types.sensor import Linearised, WrappedSensor
 from fgnav.graph.types.states import States
 
 
@@ -50,13 +50,13 @@ class RescaledMotion(WrappedMotion):
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class RescaledMeasurement(OfAnother):
+class RescaledSensor(WrappedSensor):
     """Measurements whose standard deviations are multiplied by ``factors``, (k,)."""
 
     factors: FloatArray
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of some, (j,); see ``Measurement``."""
+        """Return whitened residuals of some, (j,); see ``Sensor``."""
         value, state, shared = self.measurement.linearise(at, which)
         f = self.factors[which]
         return Linearised(value / f[:, None], state / f[:, None, None], shared / f[:, None, None])

@@ -32,7 +32,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.build import Layout
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.linear import keyframe_factor, linearise
@@ -69,16 +69,16 @@ class LinearisedFlight:
 
     Attributes
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     factors : list of list of gtsam.GaussianFactor
         By the oldest keyframe of each.
     """
 
-    problem: SmoothingProblem
+    problem: Problem
     factors: list[list[gtsam.GaussianFactor]]
 
     @classmethod
-    def at(cls, problem: SmoothingProblem, states: States) -> "LinearisedFlight":
+    def at(cls, problem: Problem, states: States) -> "LinearisedFlight":
         """Linearise a problem.
 
         Raises

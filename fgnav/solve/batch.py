@@ -7,7 +7,7 @@ keyframe where the motion leads, and ends in others.
 from collections.abc import Sequence
 
 from fgnav.checks import NoSolutionError
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.custom_factors import Custom, CustomFactors
@@ -15,7 +15,7 @@ from fgnav.solve.gauss_newton import ITERATIONS, Minimum, gauss_newton
 from fgnav.solve.minima import BEGIN_LAG_S, begins, distinct, mixture
 
 
-def solve_batch(problem: SmoothingProblem, *, custom: Sequence[Custom] = ()) -> Solution:
+def solve_batch(problem: Problem, *, custom: Sequence[Custom] = ()) -> Solution:
     """Return each keyframe as known from all data.
 
     The search begins where a window of 2 s ended and at ``problem.start``: the likeliest minimum is
@@ -23,7 +23,7 @@ def solve_batch(problem: SmoothingProblem, *, custom: Sequence[Custom] = ()) -> 
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     custom : sequence of gtsam.NonlinearFactor or NamedFactor
         Custom factors, over ``fgnav.graph.keys`` with rows of the problem for numbers.
 
@@ -47,7 +47,7 @@ def solve_batch(problem: SmoothingProblem, *, custom: Sequence[Custom] = ()) -> 
 
 
 def minimum(
-    problem: SmoothingProblem,
+    problem: Problem,
     custom: Sequence[Custom] = (),
     begin: States | None = None,
     most: int = ITERATIONS,

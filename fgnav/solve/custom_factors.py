@@ -11,7 +11,7 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.custom import NamedFactor, check_factor, named
 from fgnav.graph.residual_model import spelt
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 
 Custom: TypeAlias = gtsam.NonlinearFactor | NamedFactor
 
@@ -23,7 +23,7 @@ class CustomFactors:
     ----------
     custom : sequence of gtsam.NonlinearFactor or NamedFactor
         Keyframe numbers in their keys are rows of the problem.
-    problem : SmoothingProblem
+    problem : Problem
 
     Raises
     ------
@@ -31,7 +31,7 @@ class CustomFactors:
         If one touches a variable that the flight has not, or cannot be evaluated.
     """
 
-    def __init__(self, custom: Sequence[Custom], problem: SmoothingProblem) -> None:
+    def __init__(self, custom: Sequence[Custom], problem: Problem) -> None:
         self._problem, layout = problem, Layout.of(problem)
         constants, factors = set(layout.constant_keys), [named(one) for one in custom]
         self._at: dict[int, list[tuple[int, NamedFactor]]] = defaultdict(list)

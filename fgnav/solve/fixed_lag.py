@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.progress import steps
 from fgnav.solve.custom_factors import Custom, CustomFactors
@@ -15,7 +15,7 @@ __all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
 
 
 def solve_fixed_lag(
-    problem: SmoothingProblem,
+    problem: Problem,
     lag_s: float,
     *,
     custom: Sequence[Custom] = (),
@@ -26,7 +26,7 @@ def solve_fixed_lag(
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     lag_s : float
         Length of the window; a block, of a second or of the lag if that is shorter, is added to it
         before keyframes leave.
@@ -48,7 +48,7 @@ def solve_fixed_lag(
         If the data leave a state open.
     """
 
-    def leaving(of: SmoothingProblem, end: int) -> list[Departed | None]:
+    def leaving(of: Problem, end: int) -> list[Departed | None]:
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
         keep = keep_linearisation and of is problem
         window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
@@ -62,7 +62,7 @@ def solve_fixed_lag(
 
 
 def solve_forward(
-    problem: SmoothingProblem,
+    problem: Problem,
     lag_s: float,
     *,
     custom: Sequence[Custom] = (),
@@ -74,7 +74,7 @@ def solve_forward(
     Parameters as in ``solve_fixed_lag``; states up to ``lag_s`` back are still relinearised.
     """
 
-    def newest(of: SmoothingProblem, end: int) -> list[Departed | None]:
+    def newest(of: Problem, end: int) -> list[Departed | None]:
         window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
         entering, parts = CustomFactors(custom, of), list[Departed | None]()
         for row in steps(end):

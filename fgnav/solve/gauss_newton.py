@@ -27,7 +27,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.elimination import Elimination
@@ -90,7 +90,7 @@ class _Eliminated(NamedTuple):
 class _Flight:
     """A problem and custom factors, linearised again and again."""
 
-    def __init__(self, problem: SmoothingProblem, custom: Sequence[gtsam.NonlinearFactor]) -> None:
+    def __init__(self, problem: Problem, custom: Sequence[gtsam.NonlinearFactor]) -> None:
         self._problem, self._custom, self._layout = problem, custom, Layout.of(problem)
         phase, last = problem.phase, len(problem.t_s) - 1
         self._arcs: dict[int, list[tuple[int, int]]] = {}  # that end with a keyframe
@@ -150,7 +150,7 @@ class _Flight:
 
 
 def gauss_newton(
-    problem: SmoothingProblem,
+    problem: Problem,
     *,
     begin: States | None = None,
     custom: Sequence[gtsam.NonlinearFactor] = (),
@@ -160,7 +160,7 @@ def gauss_newton(
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     begin : States, optional
         Where the search begins, instead of ``problem.start``: where a window ended.
     custom : sequence of gtsam.NonlinearFactor
@@ -207,7 +207,7 @@ def gauss_newton(
     return _minimum(problem, flight.eliminated(here.linear) if damping else here, iterations, None)
 
 
-def posterior_at(problem: SmoothingProblem, states: States) -> Solution:
+def posterior_at(problem: Problem, states: States) -> Solution:
     """Return states as they are given, with the covariances of the graph linearised there.
 
     Nothing is searched: at the truth that is a posterior Cramer-Rao bound. ``converged`` tells
@@ -223,9 +223,7 @@ def posterior_at(problem: SmoothingProblem, states: States) -> Solution:
     return replace(_minimum(problem, flight.eliminated(linear), 1, None).solution, states=states)
 
 
-def _minimum(
-    problem: SmoothingProblem, here: _Eliminated, iterations: int, end: States | None
-) -> Minimum:
+def _minimum(problem: Problem, here: _Eliminated, iterations: int, end: States | None) -> Minimum:
     """Return the end of a search; None: it was given up, perhaps next to a minimum."""
     elimination, n, b = here.elimination, len(problem.t_s), problem.constants.width
     marginals = elimination.marginals()
@@ -248,7 +246,7 @@ def _minimum(
     return Minimum(solution, -here.least / 2 - elimination.log_root + _log_white(problem))
 
 
-def _log_white(problem: SmoothingProblem) -> float:
+def _log_white(problem: Problem) -> float:
     """Return the log determinants of all whitening, as far as motion and sensors tell it [1]_.
 
     Those that do not, whose noise is taken for a constant, lack ``log_white``.
@@ -261,7 +259,7 @@ def _log_white(problem: SmoothingProblem) -> float:
     _, white = motion.prior(problem.constants.width)
     total = float(np.linalg.slogdet(white[:, :aux])[1])
     of_intervals = np.arange(len(problem.t_s) - 1)
-    models = [(motion, of_intervals), *((m, np.arange(len(m.row))) for m in problem.measurements)]
+    models = [(motion, of_intervals), *((m, np.arange(len(m.row))) for m in problem.sensors)]
     for model, rows in models:
         offered = getattr(model, "log_white", None)
         total += 0.0 if offered is None else float(offered(rows))

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.geometry.rotations import exp, wrap
-from fgnav.graph.types.problem import AttitudePrior, Opening, SmoothingProblem
+from fgnav.graph.types.problem import AttitudePrior, Opening, Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ROTATION
 from fgnav.solve.gauss_newton import Minimum
@@ -36,7 +36,7 @@ _APART_RAD = 2 * np.pi / _COUNT
 class Headings(NamedTuple):
     """The flight about each heading, the likeliest first."""
 
-    problems: tuple[SmoothingProblem, ...]
+    problems: tuple[Problem, ...]
     ends: tuple[Minimum, ...]
 
     @property
@@ -56,15 +56,15 @@ class Headings(NamedTuple):
 
 
 def over_headings(
-    problem: SmoothingProblem,
+    problem: Problem,
     opening: Opening,
-    search: Callable[[SmoothingProblem], Minimum],
+    search: Callable[[Problem], Minimum],
 ) -> Headings:
     """Return a flight's minima about headings all round.
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     opening : Opening
         The first attitude with one heading held, and the arm of the antenna that stays in place.
     search : callable
@@ -93,7 +93,7 @@ def _log_prior(opening: Opening, turn_rad: float) -> float:
     return 0.0 if is_open else -(float(wrap(np.array(turn_rad))) ** 2) / (2 * variance_rad2)
 
 
-def _conditioned(problem: SmoothingProblem, opening: Opening, turn_rad: float) -> SmoothingProblem:
+def _conditioned(problem: Problem, opening: Opening, turn_rad: float) -> Problem:
     """Return a problem conditional on the opening's heading turned by an angle."""
     turns = exp(turn_rad * opening.axis_n)
     start, prior = opening.problem.start, opening.problem.attitude_prior

@@ -20,9 +20,9 @@ from fgnav.graph.build import (
     keyframe_priors,
 )
 from fgnav.graph.linear_factor import linear_factor
-from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import LinearisedMotion
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import AUX, POSITION, VELOCITY, States
 
 _POSE = slice(0, POSITION.stop)
@@ -112,7 +112,7 @@ class LinearProblem:
 
 
 def linearise(
-    problem: SmoothingProblem,
+    problem: Problem,
     rows: IntArray,
     at: States,
     before: States,
@@ -125,7 +125,7 @@ def linearise(
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     rows : ndarray of int, shape (j,)
         Keyframes of it, increasing.
     at : States
@@ -152,7 +152,7 @@ def linearise(
         after = at if len(rows) == j else at.at(slice(1, None))
         motion = problem.motion.linearise(before, after, rows[-j:] - 1)
     sensors = []
-    for measurement in problem.measurements:
+    for measurement in problem.sensors:
         which, places = _among(measurement.row, rows)
         if len(which):
             sensors.append((places, measurement.linearise(at.at(places), which)))
@@ -182,7 +182,7 @@ def keyframe_factor(
 
 
 def _phases(
-    problem: SmoothingProblem,
+    problem: Problem,
     rows: IntArray,
     at: States,
     numbers: IntArray,
@@ -204,9 +204,7 @@ def _among(row: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
     return np.arange(first, last)[among], places[among]
 
 
-def _priors(
-    problem: SmoothingProblem, layout: Layout, k: int, at: States
-) -> Iterator[gtsam.JacobianFactor]:
+def _priors(problem: Problem, layout: Layout, k: int, at: States) -> Iterator[gtsam.JacobianFactor]:
     """Yield what is known of the first keyframe and of the constants before the flight."""
     values = gtsam.Values()
     insert_keyframe(values, layout, k, at)
@@ -228,9 +226,7 @@ def _factor(
     return linear_factor([(key, of[i].T) for key, of in pairs if of is not None], -residual)
 
 
-def _not_finite(
-    problem: SmoothingProblem, rows: IntArray, linear: LinearProblem
-) -> NoSolutionError:
+def _not_finite(problem: Problem, rows: IntArray, linear: LinearProblem) -> NoSolutionError:
     """Return the error of a residual that is no number, by the first keyframe that has one."""
     bad = [
         int(places[~np.isfinite(one.value).all(axis=1)].min(initial=len(rows) - 1))

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.custom_factors import Custom
@@ -32,12 +32,12 @@ BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 _APART_SIGMAS = 1.0  # searches that end closer than this have the same minimum
 
 
-def begins(problem: SmoothingProblem, custom: Sequence[Custom] = ()) -> list[States]:
+def begins(problem: Problem, custom: Sequence[Custom] = ()) -> list[States]:
     """Return where searches begin: where a window ended, as the body turned before; and the start.
 
     Parameters
     ----------
-    problem : SmoothingProblem
+    problem : Problem
     custom : sequence of gtsam.NonlinearFactor or NamedFactor
         Custom factors that a window of ``BEGIN_LAG_S`` can hold.
     """

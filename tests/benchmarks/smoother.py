@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from fgnav.evaluation.comparison import compare
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.integers.resolvers.resolve import resolve
@@ -95,7 +95,7 @@ def _compile(scenario: Scenario) -> None:
             method(resolver=resolver)(flight)
 
 
-def _solves(problem: SmoothingProblem, setting: str) -> list[dict]:
+def _solves(problem: Problem, setting: str) -> list[dict]:
     """Return the window's speeds on a problem that is prepared."""
     span_s = float(problem.t_s[-1] - problem.t_s[0])
     lag = f"lag {LAG_S:g} s, GTSAM, the solve alone"
@@ -149,7 +149,7 @@ def _methods(flight: Flight, given: Given, setting: str) -> list[dict]:
     ]
 
 
-def _growth(problem: SmoothingProblem) -> list[dict]:
+def _growth(problem: Problem) -> list[dict]:
     """Return how the window's time and memory grow with the flight."""
     n = len(problem.t_s)
     counts = (n // SHORT, n)
@@ -174,14 +174,14 @@ def _growth(problem: SmoothingProblem) -> list[dict]:
     ]
 
 
-def _windowed(problem: SmoothingProblem, count: int, window: FixedLag) -> None:
+def _windowed(problem: Problem, count: int, window: FixedLag) -> None:
     """Pass the first keyframes through a window; estimates are not kept."""
     for row in range(count):
         window.update(problem, row)
     window.rest()
 
 
-def _peak_mb(problem: SmoothingProblem, count: int) -> float:
+def _peak_mb(problem: Problem, count: int) -> float:
     window = FixedLag(LAG_S)
     tracemalloc.start()
     _windowed(problem, count, window)

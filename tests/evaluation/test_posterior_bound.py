@@ -50,7 +50,7 @@ def test_the_bound_is_gtsams_marginal_at_the_truth(swing):
 def test_measurements_at_true_states_differ_from_them_by_their_noise(swing):
     flight, prepared = swing
     states = true_states(flight, prepared)
-    for measurement in prepared.problem.measurements:
+    for measurement in prepared.problem.sensors:
         count = len(measurement.row)
         value = measurement.linearise(states.at(measurement.row), np.arange(count)).value
         if isinstance(measurement, Position):  # all of a flight are off together, by decimetres

@@ -20,7 +20,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu, Truth
@@ -47,7 +47,7 @@ SUB_STEPS = 2
 class TurningFlight:
     """What a solver is given, what it is made of, and the truth."""
 
-    problem: SmoothingProblem
+    problem: Problem
     truth: Truth
     imu: Imu
     form: RotationQuadratic  # of the array's phases
@@ -99,7 +99,7 @@ def turning(
     aux = np.zeros((len(t_s), 6 if gyro else 12))
     if not gyro:
         aux[:, 3:6] = angular_rates(t_s, R_start)
-    problem = SmoothingProblem(
+    problem = Problem(
         t_s=t_s,
         start=States(
             R_nb=R_start,
@@ -109,7 +109,7 @@ def turning(
             constants=constants.start,
         ),
         motion=_motion(imu, t_s, gravity_n_mps2, constants, None if gyro else prior),
-        measurements=_measurements(form, position, velocity, imu, constants),
+        sensors=_measurements(form, position, velocity, imu, constants),
         constants=constants,
         attitude_known=np.ones(len(t_s), dtype=np.bool_),
     )

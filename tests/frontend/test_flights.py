@@ -12,7 +12,7 @@ def case(request):
 
 
 def test_what_is_measured_is_off_the_truth_by_white_noise_of_its_size(case):
-    for part in case.problem.measurements:
+    for part in case.problem.sensors:
         which = np.arange(len(part.row))
         value = part.linearise(case.true_states.at(part.row), which).value
         # The array's form has nine rows, of which a rotation has three; noise of all nine is white.

@@ -58,7 +58,7 @@ def with_echoes(span_s=20.0, *, gyro=False):
 
 
 def measurement(prepared, name):
-    return next(part for part in prepared.problem.measurements if part.name == name)
+    return next(part for part in prepared.problem.sensors if part.name == name)
 
 
 def true_states(flight, problem):
@@ -171,7 +171,7 @@ def test_epochs_that_are_not_in_the_file_are_keyframes_without_measurements():
     np.testing.assert_allclose(problem.t_s, seen.t_s, atol=0.02)
     inside = (problem.t_s > 8.0) & (problem.t_s < 10.05)
     assert not problem.attitude_known[inside].any()
-    for part in problem.measurements:
+    for part in problem.sensors:
         assert not np.isin(np.flatnonzero(inside), part.row).any(), part.name
 
 
@@ -233,7 +233,7 @@ def test_attitude_and_position_outlive_the_reference_antenna(antennas):
     assert np.degrees(np.linalg.norm(turn, axis=1)).max() < 5.0
     for name in ("array phases", "velocity"):
         squares, freedom = 0.0, 0
-        for part in problem.measurements:
+        for part in problem.sensors:
             during = (problem.t_s[part.row] > 5.0) & (problem.t_s[part.row] < 15.0)
             if part.name == name and during.any():
                 value = part.linearise(true.at(part.row), np.arange(len(part.row))).value
@@ -284,7 +284,7 @@ def test_one_baseline_starts_from_other_vectors_about_its_own_axis():
 
 def test_every_instrument_becomes_a_measurement_with_its_constants():
     prepared = build(flown("surroundings", 10.0))
-    names = [part.name for part in prepared.problem.measurements]
+    names = [part.name for part in prepared.problem.sensors]
     assert len(set(names)) == len(names)
     assert "velocity" in names
     assert prepared.problem.phase is not None
@@ -303,7 +303,7 @@ def test_antennas_that_are_asked_for_are_columns_of_the_arrays_measurement():
     requests = calibration_requests(("antenna:a4", "lever-arm"))
     prepared = build(flown("demo", 10.0), calibration=requests)
     constants = prepared.problem.constants
-    (shape,) = (m for m in prepared.problem.measurements if isinstance(m, ArrayShape))
+    (shape,) = (m for m in prepared.problem.sensors if isinstance(m, ArrayShape))
     expected = np.full(7, -1)
     expected[2] = constants.column("antenna a4")
     np.testing.assert_array_equal(shape.column, expected)

@@ -14,7 +14,7 @@ from fgnav.graph.innovations import (
     innovation_series,
     normalised_innovations,
 )
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION
 from tests.graph.factors import cases
@@ -54,12 +54,12 @@ def custom_summary(factors, problem, solution):
     return series.summary
 
 
-def problem_of(solution, shared, *measurements) -> SmoothingProblem:
-    return SmoothingProblem(
+def problem_of(solution, shared, *measurements) -> Problem:
+    return Problem(
         t_s=np.arange(float(len(solution.covariance))),
         start=solution.states,
         motion=SimpleNamespace(aux=12),
-        measurements=measurements,
+        sensors=measurements,
         constants=shared,
         attitude_known=np.ones(N, dtype=bool),
     )

@@ -15,9 +15,9 @@ from tests.frontend.flights import turning
 def test_an_estimate_follows_a_direction_along_the_axis_that_it_knows():
     """A degree off about x_b and about y_b, where it is good for thirty and for 0.3."""
     problem, row = turning(np.random.default_rng(4), span_s=5.0).problem, 25
-    array, *rest = problem.measurements
+    array, *rest = problem.sensors
     quiet = dataclasses.replace(array, root=array.root / 60)
-    problem = dataclasses.replace(problem, measurements=(quiet, *rest))
+    problem = dataclasses.replace(problem, sensors=(quiet, *rest))
     without = solve_batch(problem)
     R_bn, P = without.states.R_nb[row].T, without.covariance[row, :3, :3]
     known_n = problem.motion.gravity_n_mps2[row : row + 1]
@@ -34,7 +34,7 @@ def test_an_estimate_follows_a_direction_along_the_axis_that_it_knows():
         tilt_column=-1,
         constants=problem.constants,
     )
-    together = dataclasses.replace(problem, measurements=(*problem.measurements, gravity))
+    together = dataclasses.replace(problem, sensors=(*problem.sensors, gravity))
     moved = log((R_bn @ solve_batch(together).states.R_nb[row])[None])[0]
     # The linear update of what is known without it.
     H = W[0] @ skew(down_b[None])[0]

@@ -12,7 +12,7 @@ from fgnav.frontend.calibration_request import (
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.measurements import Recorded, measurements_of
+from fgnav.frontend.sensor_factors import Recorded, sensors_of
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import field_of, heights_of
 from fgnav.geometry.earth import geodetic
@@ -81,7 +81,7 @@ def with_sensed(case, sensed, parts):
         case.problem,
         start=case.problem.start._replace(constants=constants.start),
         motion=motion,
-        measurements=measurements_of(recorded, constants),
+        sensors=sensors_of(recorded, constants),
         constants=constants,
     )
 

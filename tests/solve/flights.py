@@ -15,7 +15,7 @@ from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.process import matern
@@ -38,7 +38,7 @@ def flight(
     extra: tuple[FlightConstant, ...] = (),
     seed: int = 1,
     motion: TrueMotion | None = None,
-) -> tuple[SmoothingProblem, States]:
+) -> tuple[Problem, States]:
     """Sines of 20 degrees; ``every`` how many keyframes there is a fix."""
     rng, true_motion = np.random.default_rng(seed), motion or sine(20.0)
     t_s = np.arange(round(until_s * hz) + 1) / hz
@@ -80,11 +80,11 @@ def flight(
         aux=np.zeros_like(truth.aux),
         constants=constants.start,
     )
-    problem = SmoothingProblem(
+    problem = Problem(
         t_s=t_s,
         start=start,
         motion=moves,
-        measurements=measurements,
+        sensors=measurements,
         constants=constants,
         attitude_known=np.isin(np.arange(n), rows),
     )
@@ -138,7 +138,7 @@ def _measured(
     )
 
 
-def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
+def part(problem: Problem, first: int, last: int) -> Problem:
     """The keyframes first to last and nothing else."""
     rows, motion = slice(first, last + 1), problem.motion
     cut = {
@@ -147,7 +147,7 @@ def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
         if hasattr(motion, name)
     }
     measurements = []
-    for one in problem.measurements:
+    for one in problem.sensors:
         inside = (one.row >= first) & (one.row <= last)
         arrays = {
             name: getattr(one, name)[inside]
@@ -156,13 +156,13 @@ def part(problem: SmoothingProblem, first: int, last: int) -> SmoothingProblem:
             if getattr(one, name, None) is not None
         }  # fmt: skip
         measurements.append(replace(one, row=one.row[inside] - first, **arrays))
-    return SmoothingProblem(
+    return Problem(
         t_s=problem.t_s[rows],
         start=problem.start.at(rows),
         motion=replace(
             motion, t_s=problem.t_s[rows], gravity_n_mps2=motion.gravity_n_mps2[rows], **cut
         ),
-        measurements=tuple(measurements),
+        sensors=tuple(measurements),
         constants=problem.constants,
         attitude_known=problem.attitude_known[rows],
     )
@@ -181,7 +181,7 @@ def sigma_ratio(one: Solution, other: Solution) -> float:
 
 
 def flight_graph(
-    problem: SmoothingProblem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
+    problem: Problem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
 ) -> gtsam.NonlinearFactorGraph:
     """All factors of a flight, motion preintegrated about states; keyframe k is row k."""
     graph, measured = gtsam.NonlinearFactorGraph(), KeyframeMeasurements(problem)

@@ -12,9 +12,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import inverse_right_jacobian
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.types.constants import Constants, flight_constant
-from fgnav.graph.types.measurement import Linearised
 from fgnav.graph.types.motion import LinearisedMotion
-from fgnav.graph.types.problem import SmoothingProblem, pose_prior
+from fgnav.graph.types.problem import Problem, pose_prior
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 
 STEP_S = 0.25
@@ -110,11 +110,11 @@ def random_problem(n: int, aux: int, b: int, *, seed: int = 1, turn_rad: float =
         z = np.einsum("jik,jk->ji", H, x[row]) + S @ c + 0.2 * rng.normal(size=(len(row), rows))
         sensors.append(RandomSensor(row, H, S, z))
     start = States(np.tile(np.eye(3), (n, 1, 1)), x[:, 3:6] + 0.1, 0 * x[:, 6:9], x[:, 9:], 0 * c)
-    return SmoothingProblem(
+    return Problem(
         t_s=t_s,
         start=start,
         motion=RandomMotion(t_s, F, B, u, W),  # type: ignore[arg-type]
-        measurements=tuple(sensors),  # type: ignore[arg-type]
+        sensors=tuple(sensors),  # type: ignore[arg-type]
         constants=Constants(parts),
         attitude_known=np.zeros(n, bool),
     )
@@ -157,7 +157,7 @@ def dense(problem: Any, states: States, upto: int | None = None) -> tuple[Any, A
         motion = problem.motion.linearise(one, two, np.array([k]))
         blocks = [(k * D, motion.before[0]), (k * D + D, motion.after[0])]
         add(motion.value[0], [*blocks, (n * D, motion.shared[0])])
-    for sensor in problem.measurements:
+    for sensor in problem.sensors:
         for i, k in enumerate(sensor.row):
             if k < n:
                 at = sensor.linearise(states.at(slice(k, k + 1)), np.array([i]))

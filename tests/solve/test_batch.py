@@ -8,7 +8,7 @@ from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.types.constants import flight_constant
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.batch import minimum, solve_batch
@@ -16,7 +16,7 @@ from tests.solve.flights import flight, flight_graph, sigmas_apart
 
 
 def _dense(
-    problem: SmoothingProblem, states: States, own: list[gtsam.NonlinearFactor]
+    problem: Problem, states: States, own: list[gtsam.NonlinearFactor]
 ) -> tuple[FloatArray, FloatArray]:
     """Newton step and covariance of all variables by one dense inverse."""
     layout, ordering = Layout.of(problem), gtsam.Ordering()
@@ -36,7 +36,7 @@ def _worst(one: FloatArray, other: FloatArray, sigma: FloatArray, beside: FloatA
     return float(np.abs((one - other) / np.outer(sigma, beside)).max())
 
 
-def _compare(problem: SmoothingProblem, solution: Solution, P: FloatArray) -> float:
+def _compare(problem: Problem, solution: Solution, P: FloatArray) -> float:
     D, n = problem.width, len(problem.t_s)
     sigma = np.sqrt(np.diag(P))
     shared, worst = slice(n * D, None), 0.0

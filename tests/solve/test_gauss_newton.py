@@ -102,7 +102,7 @@ def test_a_motion_without_log_white_counts_as_constant():
 )
 def test_a_state_that_nothing_measures_is_named_with_its_time(columns, aux, name):
     problem = random_problem(8, aux, 0)
-    for sensor in problem.measurements:
+    for sensor in problem.sensors:
         sensor.H[sensor.row >= 5, :, columns] = 0.0
     motion = problem.motion
     motion.F[4:, :, columns] = motion.F[4:, columns] = 0.0
@@ -113,7 +113,7 @@ def test_a_state_that_nothing_measures_is_named_with_its_time(columns, aux, name
 
 def test_residuals_that_are_not_finite_are_an_error():
     problem = random_problem(8, 6, 0)
-    problem.measurements[0].z[3] = np.nan
+    problem.sensors[0].z[3] = np.nan
     with pytest.raises(NoSolutionError, match="residuals are not finite at"):
         gauss_newton(problem)
 
@@ -127,7 +127,7 @@ def test_a_long_dead_reckoning_keeps_its_digits():
     motion = problem.motion
     D = 15
     motion.F[:], motion.u[:], motion.W[:] = np.eye(D), 0.0, 1e7 * np.eye(D)
-    for sensor in problem.measurements:
+    for sensor in problem.sensors:
         sensor.H[:, :, 3:6] = 0.0
     solution = gauss_newton(problem).solution
     sigma = np.sqrt(np.einsum("nii->ni", solution.covariance)[:, 3:6])

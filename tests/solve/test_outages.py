@@ -7,7 +7,7 @@ import pytest
 
 from fgnav.graph.build import Layout
 from fgnav.graph.types.constants import flight_constant
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.process import matern
 from fgnav.solve import fixed_lag
 from fgnav.solve.batch import solve_batch
@@ -17,18 +17,18 @@ from tests.solve.flights import flight, sigma_ratio, sigmas_apart
 AGREE_SIGMAS, AGREE_RATIO = 0.1, 0.03
 
 
-def with_outage(problem: SmoothingProblem, from_s: float, until_s: float) -> SmoothingProblem:
+def with_outage(problem: Problem, from_s: float, until_s: float) -> Problem:
     """Nothing is measured within a span, and no attitude known."""
     gone = (problem.t_s > from_s) & (problem.t_s < until_s)
     measurements = []
-    for one in problem.measurements:
+    for one in problem.sensors:
         kept = ~gone[one.row]
         names = ("row", "root", "minimum", "element_column", "value_n_m", "value_n_mps", "white",
                  "measured_b_radps")  # fmt: skip
         arrays = {n: getattr(one, n)[kept] for n in names if getattr(one, n, None) is not None}
         measurements.append(replace(one, **arrays))
     known = problem.attitude_known & ~gone
-    return replace(problem, measurements=tuple(measurements), attitude_known=known)
+    return replace(problem, sensors=tuple(measurements), attitude_known=known)
 
 
 def test_a_window_over_a_slow_motion_is_the_batch() -> None:

@@ -20,10 +20,10 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -32,7 +32,7 @@ _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ArrayPhase(OfSensor):
+class ArrayPhase(SensorRows):
     """Quadratic forms of the rotation: nine rows.
 
     ``r = (root (vec(R_nb) + c - vec(minimum)) + sqrt(s) B z) / sqrt(1 - s)``.
@@ -80,7 +80,7 @@ class ArrayPhase(OfSensor):
         return np.asarray(self.root.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of epochs ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
                 *contiguous(at, which),
@@ -97,7 +97,7 @@ class ArrayPhase(OfSensor):
         lasting: tuple[Use, ...] = ("angular_motion",) if self.share[i] > 0 else ()
         if lasting or self.element_column[i] >= 0:
             parts = parts_of(self.constants, (int(self.element_column[i]),))
-            return of_measurement(self, i, key, ("pose", *lasting), parts, rows=9)
+            return sensor_factor(self, i, key, ("pose", *lasting), parts, rows=9)
         whitening, M = np.zeros((16, 16)), np.zeros((4, 4))
         whitening[:9, _IN_POSE] = self.root[i]
         M[:3, :3] = self.minimum[i]

@@ -19,16 +19,16 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ArrayShape(OfSensor):
+class ArrayShape(SensorRows):
     """Quadratic forms of a baselines in ``n``, three rows for each baseline.
 
     Attributes
@@ -70,7 +70,7 @@ class ArrayShape(OfSensor):
         return np.asarray(self.root.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of epochs ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
                 *contiguous(at, which), self.root, self.minimum_n_m, self.baselines_b_m, self.column
@@ -80,7 +80,7 @@ class ArrayShape(OfSensor):
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return epoch i as a factor of keyframe ``key``; GTSAM has none of its own."""
         parts = parts_of(self.constants, (int(column) for column in self.column))
-        return of_measurement(self, i, key, ("pose",), parts, rows=self.root.shape[1])
+        return sensor_factor(self, i, key, ("pose",), parts, rows=self.root.shape[1])
 
 
 @kernel

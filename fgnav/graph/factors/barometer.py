@@ -18,16 +18,16 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, positive
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class BarometricHeight(OfSensor):
+class BarometricHeight(SensorRows):
     """Barometric heights, one row each.
 
     Attributes
@@ -73,7 +73,7 @@ class BarometricHeight(OfSensor):
         return np.ones(len(self.row), dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of heights ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of heights ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
                 *contiguous(at, which),
@@ -94,7 +94,7 @@ class BarometricHeight(OfSensor):
         first = self.column + int(self.node[i])
         columns = (first, first + int(self.share[i] > 0)) if self.column >= 0 else ()
         parts = parts_of(self.constants, columns)
-        return of_measurement(self, i, key, ("pose",), parts, rows=1)
+        return sensor_factor(self, i, key, ("pose",), parts, rows=1)
 
 
 @kernel

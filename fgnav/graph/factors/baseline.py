@@ -18,10 +18,10 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.measurement_factor import of_measurement
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -29,7 +29,7 @@ _LEVEL = 1e-6  # square of the level part of a baseline over its own, below whic
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class BaselineVector(OfSensor):
+class BaselineVector(SensorRows):
     """Vectors from one antenna to another in ``n``, three rows each.
 
     Attributes
@@ -68,13 +68,13 @@ class BaselineVector(OfSensor):
         return np.full(len(self.row), self.dimensions)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of baselines ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of baselines ``which``, (j,); see ``Sensor``."""
         of = self.value_n_m, self.white, self.baseline_b_m
         return Linearised._make(_kernel(*contiguous(at, which), *of, self.dimensions == 1))
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return baseline i as a factor of keyframe ``key``."""
-        return of_measurement(self, i, key, ("pose",), (), rows=3)
+        return sensor_factor(self, i, key, ("pose",), (), rows=3)
 
 
 @kernel

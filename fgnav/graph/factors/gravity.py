@@ -20,16 +20,16 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Gravity(OfSensor):
+class Gravity(SensorRows):
     """Directions of gravity, two rows each.
 
     Attributes
@@ -61,7 +61,7 @@ class Gravity(OfSensor):
         return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(*contiguous(at, which), self.known_n, self.across_b, self.tilt_column)
         )
@@ -70,7 +70,7 @@ class Gravity(OfSensor):
         """Return direction i as a factor of keyframe ``key``: native without tilt."""
         if self.tilt_column >= 0:
             parts = parts_of(self.constants, (self.tilt_column,))
-            return of_measurement(self, i, key, ("pose",), parts, rows=2)
+            return sensor_factor(self, i, key, ("pose",), parts, rows=2)
         return native(key, self.across_b[i], self.known_n[i])
 
 

@@ -14,16 +14,16 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class LineOfSight(OfSensor):
+class LineOfSight(SensorRows):
     """Directions from the accelerometer to a landmark, two rows each.
 
     Attributes
@@ -55,7 +55,7 @@ class LineOfSight(OfSensor):
         return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
                 *contiguous(at, which), self.across_b, self.landmark_column, self.boresight_column
@@ -69,7 +69,7 @@ class LineOfSight(OfSensor):
         rules of its own, so the long axis of an ellipse would be turned.
         """
         parts = parts_of(self.constants, (self.landmark_column, self.boresight_column))
-        return of_measurement(self, i, key, ("pose",), parts, rows=2)
+        return sensor_factor(self, i, key, ("pose",), parts, rows=2)
 
 
 @kernel

@@ -21,10 +21,10 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -32,7 +32,7 @@ _LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class MagneticField(OfSensor):
+class MagneticField(SensorRows):
     """Directions of the magnetic field, two rows each.
 
     Attributes
@@ -72,7 +72,7 @@ class MagneticField(OfSensor):
         return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
         columns = self.iron_column, max(self.iron_column, self.drift_column)
         of_field = self.across_b, self.field_n_ut, self.since_s
         return Linearised._make(_kernel(*contiguous(at, which), *of_field, *columns))
@@ -81,7 +81,7 @@ class MagneticField(OfSensor):
         """Return direction i as a factor of keyframe ``key``: native without hard iron."""
         if self.iron_column >= 0:
             parts = parts_of(self.constants, (self.iron_column,))
-            return of_measurement(self, i, key, ("pose",), parts, rows=2)
+            return sensor_factor(self, i, key, ("pose",), parts, rows=2)
         field_n = self.field_n_ut / np.linalg.norm(self.field_n_ut)
         return native(key, self.across_b[i], field_n)
 

@@ -18,16 +18,16 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Position(OfSensor):
+class Position(SensorRows):
     """Positions of an antenna in ``n``, three rows each.
 
     Attributes
@@ -65,7 +65,7 @@ class Position(OfSensor):
         return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of positions ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of positions ``which``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
                 *contiguous(at, which),
@@ -80,7 +80,7 @@ class Position(OfSensor):
         """Return position i as a factor of keyframe ``key``: native without constants."""
         if self.lever_column >= 0:
             parts = parts_of(self.constants, (self.lever_column,))
-            return of_measurement(self, i, key, ("pose",), parts, rows=3)
+            return sensor_factor(self, i, key, ("pose",), parts, rows=3)
         noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
         return gtsam.GPSFactorArm(keys.pose(key), self.value_n_m[i], self.arm_b_m, noise)
 

@@ -19,10 +19,10 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, frozen
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
 from fgnav.graph.types.arrays import contiguous, freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
 
@@ -31,7 +31,7 @@ _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled fo
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Velocity(OfSensor):
+class Velocity(SensorRows):
     """Velocities of an antenna in ``n``, three rows each.
 
     Attributes
@@ -82,7 +82,7 @@ class Velocity(OfSensor):
         return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of velocities ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of velocities ``which``, (j,); see ``Sensor``."""
         measured = self.measured_b_radps
         return Linearised._make(
             _kernel(
@@ -103,7 +103,7 @@ class Velocity(OfSensor):
             return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
         parts = parts_of(self.constants, (self.lever_column,))
         aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
-        return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=3)
+        return sensor_factor(self, i, key, ("pose", "velocity", aux), parts, rows=3)
 
 
 @kernel

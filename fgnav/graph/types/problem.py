@@ -7,8 +7,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.measurement import Measurement
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, RATE, States
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class AttitudePrior:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class SmoothingProblem:
+class Problem:
     """All that a solver is given.
 
     Attributes
@@ -46,7 +46,7 @@ class SmoothingProblem:
     start : States
         Where the search starts; its constants are those of ``constants.start``.
     motion : Motion
-    measurements : tuple of Measurement
+    sensors : tuple of Sensor
     constants : Constants
     attitude_known : ndarray of bool, shape (n,)
         Keyframes whose ``start`` holds an attitude measured there; a window starts the others where
@@ -62,7 +62,7 @@ class SmoothingProblem:
     t_s: FloatArray
     start: States
     motion: Motion
-    measurements: tuple[Measurement, ...]
+    sensors: tuple[Sensor, ...]
     constants: Constants
     attitude_known: BoolArray
     attitude_prior: AttitudePrior | None = None
@@ -89,7 +89,7 @@ class SmoothingProblem:
         """Keyframes, and constants of the flight: what states of a search are to agree in."""
         return len(self.t_s), self.constants.width
 
-    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "SmoothingProblem":
+    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "Problem":
         """Return the same with more constants, after those it has."""
         constants = Constants((*self.constants.parts, *parts))
         start = self.start._replace(
@@ -104,7 +104,7 @@ class Opening:
 
     Attributes
     ----------
-    problem : SmoothingProblem
+    problem : Problem
         Of the same keyframes.
     until_s : float
         The first keyframe of the other problem; infinite where there is none.
@@ -116,7 +116,7 @@ class Opening:
         About which the heading is open: down, or the specific force of each keyframe.
     """
 
-    problem: SmoothingProblem
+    problem: Problem
     until_s: float
     heading_variance_rad2: float
     arm_b_m: FloatArray
@@ -128,7 +128,7 @@ class Opening:
         return int(np.searchsorted(self.problem.t_s, self.until_s))
 
 
-def pose_prior(problem: SmoothingProblem, row: int = 0) -> tuple[FloatArray, FloatArray]:
+def pose_prior(problem: Problem, row: int = 0) -> tuple[FloatArray, FloatArray]:
     """Return the attitude of the first keyframe, (3, 3), and the covariance of pose and velocity.
 
     Before the flight, (9, 9), of the tangent; position is about where the search starts, velocity

@@ -16,7 +16,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
 from fgnav.graph.custom import NamedFactor
-from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, SmoothingProblem
+from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, AttitudePrior, Problem
 
 _DETERMINED_RAD = np.radians(15.0)  # 1-sigma at most: sin x = x within 1.2 %
 _HEADINGS = 36  # tried: one is within 5 degrees of the best
@@ -88,9 +88,7 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
     )
 
 
-def _heading_correction(
-    problem: SmoothingProblem, one: NamedFactor, k: int
-) -> tuple[float, float] | None:
+def _heading_correction(problem: Problem, one: NamedFactor, k: int) -> tuple[float, float] | None:
     """Return by how much a factor wants keyframe k turned about down, and its information.
 
     None if it has too little.
@@ -106,7 +104,7 @@ def _heading_correction(
     return best + float(by_turn @ minus_r) / information, information
 
 
-def _at(problem: SmoothingProblem, k: int, turn_rad: float) -> gtsam.Values:
+def _at(problem: Problem, k: int, turn_rad: float) -> gtsam.Values:
     layout, values, start = Layout.of(problem), gtsam.Values(), problem.start
     insert_constants(values, layout, start.constants)
     turned = start._replace(R_nb=_about_down(turn_rad) @ start.R_nb[k : k + 1])

@@ -12,7 +12,7 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
@@ -94,7 +94,7 @@ def estimate_of(
 def stated_at(
     name: str,
     prepared: PreparedFlight,
-    problem: SmoothingProblem,
+    problem: Problem,
     part: Solution,
     rows: IntArray,
 ) -> Estimate:

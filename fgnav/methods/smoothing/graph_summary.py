@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.integers.validation import HANDED_OVER
 from fgnav.methods.smoothing.custom_sources import CustomFactors
@@ -13,7 +13,7 @@ TRUST = "trust"  # the network of integers
 
 
 def graph_summary(
-    problem: SmoothingProblem,
+    problem: Problem,
     sourced: CustomFactors,
     solution: Solution,
     integers: Integers | None,
@@ -21,7 +21,7 @@ def graph_summary(
     """Return the summary of a solved problem, its custom factors and integers."""
     motion = "inertial" if problem.motion.aux == 6 else "gyro-free motion"
     factors = {motion: len(problem.t_s) - 1}
-    measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
+    measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
     for one in measured:
         factors[one.name] = factors.get(one.name, 0) + len(one.row)
     custom = Counter(one.name for one in sourced.factors)

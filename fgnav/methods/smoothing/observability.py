@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.attitude.array import axis_name
 from fgnav.checks import FloatArray
-from fgnav.graph.types.problem import POSITION_PRIOR_M, VELOCITY_PRIOR_MPS, SmoothingProblem
+from fgnav.graph.types.problem import POSITION_PRIOR_M, VELOCITY_PRIOR_MPS, Problem
 from fgnav.graph.types.solution import Solution
 
 _OPEN = 0.5  # of the sigma before the flight: a state that keeps more of it is left open
@@ -15,7 +15,7 @@ _AXES = ("x", "y", "z")
 TURN = "turn about the specific force"  # what attitudes of one vector each leave open
 
 
-def undetermined(problem: SmoothingProblem, solution: Solution) -> tuple[tuple[str, ...], str]:
+def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...], str]:
     """Return the states that most keyframes leave open, by name, and a sentence on weak ones.
 
     A direction of a state is open where its sigma is more than half of what it was before the

@@ -16,7 +16,7 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.frontend.motion import prior_note
 from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.process import matern
 from fgnav.process.hyperparameters import LONGEST_S, RatePrior
@@ -33,7 +33,7 @@ _MOST = 2000  # keyframes: a minute for all candidates; longer flights keep that
 class _Candidate(NamedTuple):
     """A rate prior, by the problem that has it, and where that has its minimum."""
 
-    problem: SmoothingProblem
+    problem: Problem
     log_posterior: float
     solution: Solution | None  # none where a state is open
 
@@ -104,7 +104,7 @@ def _prior(place: tuple[int, int]) -> RatePrior:
     )
 
 
-def _candidate(problem: SmoothingProblem, motion: GyroFree, place: tuple[int, int]) -> _Candidate:
+def _candidate(problem: Problem, motion: GyroFree, place: tuple[int, int]) -> _Candidate:
     """Return a place of the grid."""
     prior, n = _prior(place), len(problem.t_s) - 1
     changed = replace(
@@ -115,7 +115,7 @@ def _candidate(problem: SmoothingProblem, motion: GyroFree, place: tuple[int, in
     return _at_its_minimum(replace(problem, motion=changed), changed)
 
 
-def _at_its_minimum(problem: SmoothingProblem, motion: GyroFree) -> _Candidate:
+def _at_its_minimum(problem: Problem, motion: GyroFree) -> _Candidate:
     """Return the log posterior of a rate prior where its search ends."""
     try:
         solution, log_evidence = gauss_newton(problem, most=_ITERATIONS)

@@ -14,7 +14,7 @@ from fgnav.graph.types.problem import (
     ROTATION_PRIOR_RAD,
     AttitudePrior,
     Opening,
-    SmoothingProblem,
+    Problem,
 )
 from fgnav.graph.types.solution import Solution
 from fgnav.methods.smoothing.observability import TURN
@@ -90,13 +90,13 @@ class _End(NamedTuple):
     """Where a batch ended, which problem it solved, and what other headings add to covariances."""
 
     solution: Solution
-    problem: SmoothingProblem
+    problem: Problem
     added: FloatArray | None = None  # (n, D, D)
 
 
 def _at_batch(
     prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]"
-) -> tuple[SmoothingProblem, FloatArray | None]:
+) -> tuple[Problem, FloatArray | None]:
     """Return the problem, started where the batch has the flight, and what other headings add."""
     end = _ended(prepared, custom)
     if without_attitudes(prepared) and not end.solution.converged:
@@ -126,7 +126,7 @@ def _ended(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> _End:
         end = _about_headings(problem, opening, custom)
     if not without_attitudes(prepared):
         return end
-    measured = (*problem.measurements, *(() if problem.phase is None else (problem.phase,)))
+    measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
     count = sum(int(part.freedom.sum()) for part in measured)
     lost = end.solution.cost > _MISFIT * count
     return end._replace(
@@ -165,14 +165,12 @@ def _at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Sol
     return solve_batch(prepared.problem, custom=custom)
 
 
-def _about_headings(
-    problem: SmoothingProblem, opening: Opening, custom: "tuple[NamedFactor, ...]"
-) -> _End:
+def _about_headings(problem: Problem, opening: Opening, custom: "tuple[NamedFactor, ...]") -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
     from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
     from fgnav.solve.headings import over_headings  # noqa: PLC0415
 
-    def searched(conditioned: SmoothingProblem) -> "Minimum":
+    def searched(conditioned: Problem) -> "Minimum":
         return minimum(conditioned, custom, most=_ROUGHLY)
 
     headings = over_headings(problem, opening, searched)

@@ -12,8 +12,8 @@ from fgnav.frontend.calibration_request import (
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.measurements import Recorded, measurements_of
 from fgnav.frontend.position.series import VectorSeries
+from fgnav.frontend.sensor_factors import Recorded, sensors_of
 from fgnav.frontend.sensors.sensed import Sensed
 from fgnav.frontend.sensors.surroundings import Heights, MagneticField, field_of, heights_of
 from fgnav.graph.factors.directions import Directions
@@ -21,7 +21,7 @@ from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
 
@@ -35,9 +35,7 @@ class Before(NamedTuple):
     p_n_m: FloatArray
 
 
-def keyframe_problem(
-    now: Measurements, set_up: StreamSetUp, before: Before | None
-) -> SmoothingProblem:
+def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | None) -> Problem:
     """Return a keyframe as the second of two rows; ``before`` is None of the first.
 
     Raises
@@ -56,7 +54,7 @@ def keyframe_problem(
     sensed = _sensed(now, set_up, t_s, p_n_m)
     constants = _constants(set_up, sensed, gyroscope=has_gyroscope)
     v_n_mps = np.zeros(3) if now.velocity is None else now.velocity.value
-    return SmoothingProblem(
+    return Problem(
         t_s=t_s,
         start=States(
             R_nb=np.tile(R_nb, (n, 1, 1)),
@@ -66,7 +64,7 @@ def keyframe_problem(
             constants=constants.start,
         ),
         motion=_motion(now, set_up, t_s, gravity_n_mps2, constants),
-        measurements=measurements_of(_recorded(now, set_up, sensed, gravity_n_mps2), constants),
+        sensors=sensors_of(_recorded(now, set_up, sensed, gravity_n_mps2), constants),
         constants=constants,
         attitude_known=np.full(n, has_attitude),
     )

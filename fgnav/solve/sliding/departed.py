@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, transpose
-from fgnav.graph.types.problem import Opening, SmoothingProblem
+from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States, joined
 from fgnav.solve.marginals import Marginals
@@ -80,8 +80,8 @@ def _at_estimates(marginals: Marginals, steps: FloatArray) -> Marginals:
 
 
 def opened(
-    leaving: Callable[[SmoothingProblem, int], list[Departed | None]],
-    problem: SmoothingProblem,
+    leaving: Callable[[Problem, int], list[Departed | None]],
+    problem: Problem,
     opening: Opening | None,
 ) -> list[Departed]:
     """Return what leaves a window, of an opening while that holds, then of the problem.
@@ -90,7 +90,7 @@ def opened(
     ----------
     leaving : callable
         What leaves with each of a problem's first keyframes, and at the end what is left.
-    problem : SmoothingProblem
+    problem : Problem
     opening : Opening or None
     """
     if opening is None:

@@ -19,7 +19,7 @@ from fgnav.graph.build import (
     insert_keyframe,
     keyframe_priors,
 )
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.solve.sliding.incremental import IncrementalSmoother
 from fgnav.solve.sliding.linear_window import LinearWindow
@@ -54,10 +54,10 @@ class Entering:
         self._keyframes: list[_Keyframe] = []
         self._zero = gtsam.Values()  # biases of them all, zero
         self.block = -1
-        self._problem: SmoothingProblem | None = None
+        self._problem: Problem | None = None
         self._measured: KeyframeMeasurements
 
-    def read(self, problem: SmoothingProblem) -> None:
+    def read(self, problem: Problem) -> None:
         """Take what comes next from a problem."""
         if problem is not self._problem:
             self._problem, self.layout = problem, Layout.of(problem)
@@ -65,7 +65,7 @@ class Entering:
 
     def keyframe(
         self,
-        problem: SmoothingProblem,
+        problem: Problem,
         row: int,
         states: tuple[States, States | None],
         smoother: IncrementalSmoother,
@@ -75,7 +75,7 @@ class Entering:
 
         Parameters
         ----------
-        problem : SmoothingProblem
+        problem : Problem
         row : int
         states : tuple of States and States or None
             Where it stands, and where the one before, about which motion is preintegrated; None
@@ -148,7 +148,7 @@ class Entering:
             self.graph.add(factor)
 
     def _phases(
-        self, problem: SmoothingProblem, row: int, smoother: IncrementalSmoother, k: int
+        self, problem: Problem, row: int, smoother: IncrementalSmoother, k: int
     ) -> tuple[list[gtsam.NonlinearFactor], gtsam.NonlinearFactor | None]:
         """Return the phases of a keyframe, and what leads to arcs that begin there."""
         phase, begins = problem.phase, None

@@ -19,7 +19,7 @@ from fgnav.graph.build import (
     insert_variables,
 )
 from fgnav.graph.linear_factor import linear_factor
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, States, joined
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.linear import linearise
@@ -44,7 +44,7 @@ class LinearWindow:
 
     def __init__(self) -> None:
         self.t_s: list[float] = []
-        self._sources: list[tuple[SmoothingProblem, int]] = []
+        self._sources: list[tuple[Problem, int]] = []
         self._here: list[list[gtsam.GaussianFactor]] = []  # of each keyframe alone
         self._links: list[list[gtsam.GaussianFactor]] = []  # to each keyframe from the one before
         self._block: list[int] = []  # of arcs at each keyframe
@@ -67,7 +67,7 @@ class LinearWindow:
         """Variables of the newest keyframe's problem."""
         return Layout.of(self._sources[-1][0])
 
-    def append(self, problem: SmoothingProblem, row: int, at: States, block: int) -> None:
+    def append(self, problem: Problem, row: int, at: States, block: int) -> None:
         """Take in a keyframe of a problem, linearised where a state is.
 
         ``block`` is that of its arcs; negative before any.

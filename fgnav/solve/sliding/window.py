@@ -13,7 +13,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
-from fgnav.graph.types.problem import SmoothingProblem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import ROTATION, States
 from fgnav.solve.failures import in_words
 from fgnav.solve.marginals import Marginals
@@ -92,13 +92,13 @@ class FixedLag:
         return self._departed
 
     def advance(
-        self, problem: SmoothingProblem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
+        self, problem: Problem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
     ) -> range:
         """Take a keyframe in, solve when a block is full; return which keyframes leave by that.
 
         Parameters
         ----------
-        problem : SmoothingProblem
+        problem : Problem
         row : int
             Of the keyframe in the problem; its number in the graph counts those taken in.
         custom : sequence of gtsam.NonlinearFactor
@@ -125,7 +125,7 @@ class FixedLag:
         return range(first, self._departed)
 
     def update(
-        self, problem: SmoothingProblem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
+        self, problem: Problem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
     ) -> Departed | None:
         """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
         leaving = self.advance(problem, row, custom)
@@ -150,7 +150,7 @@ class FixedLag:
         self._relinearise()
         return self._estimates(range(self._departed, len(self._t_s)))
 
-    def _enter(self, problem: SmoothingProblem, row: int) -> None:
+    def _enter(self, problem: Problem, row: int) -> None:
         """Put a keyframe where the motion leads, and what it measured into the next update."""
         self._entering.read(problem)
         k, before = len(self._t_s), None
@@ -177,7 +177,7 @@ class FixedLag:
         else:
             self._entering.custom(factor, numbers[0] - self._linear.oldest)
 
-    def _start(self, problem: SmoothingProblem, row: int) -> States:
+    def _start(self, problem: Problem, row: int) -> States:
         if self._keep:
             return problem.start.at(slice(row, row + 1))
         ahead = problem.motion.predict(self._newest, np.array([row - 1]))

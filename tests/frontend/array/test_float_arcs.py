@@ -65,7 +65,7 @@ def prepared(flight):
 
 
 def array_of(prepared):
-    return next(m for m in prepared.problem.measurements if m.name == "array phases")
+    return next(m for m in prepared.problem.sensors if m.name == "array phases")
 
 
 def inside(t_s):

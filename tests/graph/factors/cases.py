@@ -6,7 +6,7 @@ import numpy as np
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.types.constants import Constants, flight_constant
-from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, States
 
 STEP = 1e-6
@@ -33,7 +33,7 @@ def random_states(
     )
 
 
-def differences(measurement: Measurement, at: States, which) -> tuple[np.ndarray, np.ndarray]:
+def differences(measurement: Sensor, at: States, which) -> tuple[np.ndarray, np.ndarray]:
     """Return derivatives by states and constants by central differences."""
     n, D, b = len(which), at.width, len(at.constants)
 
@@ -56,7 +56,7 @@ def differences(measurement: Measurement, at: States, which) -> tuple[np.ndarray
     )
 
 
-def assert_jacobians(measurement: Measurement, at: States) -> None:
+def assert_jacobians(measurement: Sensor, at: States) -> None:
     """Hold the Jacobians of all measurements against central differences."""
     which = np.arange(len(measurement.row))
     linearised = measurement.linearise(at, which)
@@ -82,7 +82,7 @@ def values_of(at: States, i: int, shared: Constants, key: int) -> gtsam.Values:
     return values
 
 
-def normal_equations(measurement: Measurement, at: States, i: int, shared: Constants):
+def normal_equations(measurement: Sensor, at: States, i: int, shared: Constants):
     """Return J'J and J'r of measurement i by its GTSAM form, in the order of ``Linearised``."""
     values = values_of(at, i, shared, 7)
     factor = measurement.factor(i, 7)
@@ -101,7 +101,7 @@ def normal_equations(measurement: Measurement, at: States, i: int, shared: Const
 
 
 def assert_gtsam_says_the_same(
-    measurement: Measurement, at: States, shared: Constants, *, rtol: float = 1e-9
+    measurement: Sensor, at: States, shared: Constants, *, rtol: float = 1e-9
 ) -> None:
     """Hold GTSAM's error and linear system of every measurement against the kernel's."""
     which = np.arange(len(measurement.row))

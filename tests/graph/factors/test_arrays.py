@@ -1,6 +1,6 @@
 import numpy as np
 
-from fgnav.graph.measurement_factor import parts_of
+from fgnav.graph.sensor_factor import parts_of
 from fgnav.graph.types.arrays import contiguous
 from tests.graph.factors import cases
 

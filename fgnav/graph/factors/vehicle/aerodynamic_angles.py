@@ -18,10 +18,10 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.measurement_factor import of_measurement, parts_of
+from fgnav.graph.sensor_factor import parts_of, sensor_factor
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "aerodynamic angles"
@@ -30,7 +30,7 @@ MEAN = "mean aerodynamic angles"  # the constant m, sideslip and angle of attack
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class AerodynamicAngles(OfSensor):
+class AerodynamicAngles(SensorRows):
     """Sideslip and angle of attack that are zero to a sigma, two rows each.
 
     Attributes
@@ -59,7 +59,7 @@ class AerodynamicAngles(OfSensor):
         return np.full(len(self.row), 2, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of angles ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of angles ``which``, (j,); see ``Sensor``."""
         j, wind, mean = len(which), self.wind_column, self.mean_column
         R_bn = transpose(at.R_nb)
         air_n_mps = at.v_n_mps.copy()
@@ -83,4 +83,4 @@ class AerodynamicAngles(OfSensor):
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return angles i as a factor of keyframe ``key``."""
         parts = parts_of(self.constants, (self.wind_column, self.mean_column))
-        return of_measurement(self, i, key, ("pose", "velocity"), parts, rows=2)
+        return sensor_factor(self, i, key, ("pose", "velocity"), parts, rows=2)

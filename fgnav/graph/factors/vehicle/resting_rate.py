@@ -17,17 +17,17 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.measurement_factor import of_measurement
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import RATE, ROTATION, States
 
 NAME = "resting rate"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class RestingRate(OfSensor):
+class RestingRate(SensorRows):
     """Rates that a gyroscope measures at rest, three rows each.
 
     Attributes
@@ -56,7 +56,7 @@ class RestingRate(OfSensor):
         return np.full(len(self.row), 3, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of rates ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of rates ``which``, (j,); see ``Sensor``."""
         weight = 1.0 / self.sigma_radps[which]
         earth_b = np.einsum("kij,j->ki", transpose(at.R_nb), self.earth_rate_n_radps)
         state = np.zeros((len(which), 3, at.width))
@@ -68,4 +68,4 @@ class RestingRate(OfSensor):
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return rate i as a factor of keyframe ``key``."""
-        return of_measurement(self, i, key, ("pose", "imu_bias"), (), rows=3)
+        return sensor_factor(self, i, key, ("pose", "imu_bias"), (), rows=3)

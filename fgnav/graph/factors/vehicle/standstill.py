@@ -17,14 +17,14 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.types.arrays import freeze
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import VELOCITY, States
 
 NAME = "standstill"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Standstill(OfSensor):
+class Standstill(SensorRows):
     """Velocities that are zero, three rows each.
 
     Attributes
@@ -48,7 +48,7 @@ class Standstill(OfSensor):
         return np.full(len(self.row), 3, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of standstills ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""
         weight = 1.0 / self.sigma_mps[which]
         state = np.zeros((len(which), 3, at.width))
         state[:, :, VELOCITY] = weight[:, None, None] * np.eye(3)

@@ -20,10 +20,10 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, frozen, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.measurement_factor import Use, of_measurement, parts_of
+from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
 from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Linearised, OfSensor
+from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "wheels"
@@ -33,7 +33,7 @@ _RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class RollingWheels(OfSensor):
+class RollingWheels(SensorRows):
     """Velocities across that are zero, two rows each.
 
     Attributes
@@ -76,7 +76,7 @@ class RollingWheels(OfSensor):
         return np.full(len(self.row), 2, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of measurements ``which``, (j,); see ``Measurement``."""
+        """Return whitened residuals of measurements ``which``, (j,); see ``Sensor``."""
         j, first, axle = len(which), self.axes_column, self.axle_column
         arm_b_m = self.arm_b_m + at.constants[axle : axle + 3]
         R_bn, arm = transpose(at.R_nb), skew(arm_b_m[None])
@@ -103,4 +103,4 @@ class RollingWheels(OfSensor):
         """Return measurement i as a factor of keyframe ``key``."""
         aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
         parts = parts_of(self.constants, (self.axes_column, self.axle_column))
-        return of_measurement(self, i, key, ("pose", "velocity", aux), parts, rows=2)
+        return sensor_factor(self, i, key, ("pose", "velocity", aux), parts, rows=2)

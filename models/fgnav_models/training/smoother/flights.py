@@ -88,11 +88,11 @@ def training_flight(
     if velocity:
         which, step = [*which, of[VELOCITY]], [*step, faster_mps]
     problem = prepared.problem
-    left = tuple(one for one in problem.measurements if one.name != without)
+    left = tuple(one for one in problem.sensors if one.name != without)
     return TrainingFlight(
         name=flight.name,
         t_s=t_s,
         states=states,
-        linearised=LinearisedFlight.at(replace(problem, measurements=left), states),
+        linearised=LinearisedFlight.at(replace(problem, sensors=left), states),
         judged=Judged(row, np.concatenate(which), np.concatenate(step, axis=1)),
     )

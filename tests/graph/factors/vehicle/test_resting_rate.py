@@ -52,7 +52,7 @@ def car():
 def of_rates(flight, *, causal):
     method = Forward() if causal else Smoother()
     problem = build_problem(flight, method.preparation).problem
-    return problem.t_s, next(one for one in problem.measurements if one.name == NAME)
+    return problem.t_s, next(one for one in problem.sensors if one.name == NAME)
 
 
 @pytest.mark.parametrize("causal", [False, True])

@@ -65,7 +65,7 @@ def test_a_stop_without_gnss_bounds_the_velocity(lost, method):
 def test_a_stream_stands_as_the_filter_does():
     flight, end_s = stops(1), 8.0
     method, part = Forward(noise="stated"), truncated(flight, end_s)
-    assert any(one.name == NAME for one in method.prepare(part).problem.measurements)
+    assert any(one.name == NAME for one in method.prepare(part).problem.sensors)
     assert_joined(ObservationStream.replay(part, method), method(part))
 
 

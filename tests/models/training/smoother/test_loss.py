@@ -93,7 +93,7 @@ def test_a_flight_is_linearised_at_the_batch_and_judged_by_its_truth(flight):
     found = training_flight(flight, method, without="gravity")
     estimate = method(flight)
     np.testing.assert_allclose(found.states.R_nb, estimate.R_nb, rtol=0, atol=1e-3)
-    names = {one.name for one in found.linearised.problem.measurements}
+    names = {one.name for one in found.linearised.problem.sensors}
     assert names == {"position", "velocity", "aerodynamic angles"}
     assert found.judged.which.tolist() == [0, 1, 2, 6, 7, 8]
     of_truth = flight.truth.v_n_mps[np.searchsorted(flight.truth.t_s, found.t_s - 1e-6)]

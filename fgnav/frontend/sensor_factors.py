@@ -28,7 +28,7 @@ from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.sensor import Sensor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Recorded:
     multipath: Multipath | None = None
 
 
-def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measurement, ...]:
+def sensors_of(recorded: Recorded, constants: Constants) -> tuple[Sensor, ...]:
     """Return the graph's measurements of all sensors that have any."""
     gnss = (*_array(recorded, constants), *_antenna(recorded, constants))
     gnss = (*gnss, *_baselines(recorded, constants))
@@ -94,7 +94,7 @@ def measurements_of(recorded: Recorded, constants: Constants) -> tuple[Measureme
     return tuple(part for part in (*gnss, *others) if len(part.row))
 
 
-def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _array(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     form, shape, valid = recorded.array, recorded.shape, recorded.array_valid
     if form is None:
         return
@@ -129,7 +129,7 @@ def _array(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
     )
 
 
-def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     lever = constants.column("lever-arm")
     timed = recorded.timed
     is_late = timed is not None and constants.column(VELOCITY_DELAY) >= 0
@@ -159,7 +159,7 @@ def _antenna(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
         )
 
 
-def _baselines(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _baselines(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     for one in recorded.sensed.baselines:
         yield BaselineVector(**one._asdict(), constants=constants)
 
@@ -172,7 +172,7 @@ def _columns(constants: Constants, name: str, number: IntArray, size: int) -> In
     return np.where(number >= 0, first + size * number, -1).astype(np.int64)
 
 
-def _directions(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _directions(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     gravity, sight = recorded.sensed.gravity, recorded.sensed.sight
     if gravity is not None:
         row = gravity.row
@@ -194,7 +194,7 @@ def _directions(recorded: Recorded, constants: Constants) -> Iterator[Measuremen
         )
 
 
-def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     heights, field = recorded.sensed.heights, recorded.sensed.field
     if heights is not None:
         row = np.flatnonzero(np.isfinite(heights.down_n_m))
@@ -220,7 +220,7 @@ def _surroundings(recorded: Recorded, constants: Constants) -> Iterator[Measurem
         )
 
 
-def _vehicle(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _vehicle(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     wheels, measured = recorded.sensed.wheels, recorded.measured_b_radps
     airflow = recorded.sensed.airflow
     if airflow is not None:
@@ -244,7 +244,7 @@ def _vehicle(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
         )
 
 
-def _standstill(recorded: Recorded, constants: Constants) -> Iterator[Measurement]:
+def _standstill(recorded: Recorded, constants: Constants) -> Iterator[Sensor]:
     if recorded.sensed.standing is not None:
         yield Standstill(**recorded.sensed.standing._asdict())
     if recorded.sensed.resting is not None:

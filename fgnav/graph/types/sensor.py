@@ -19,7 +19,7 @@ class Linearised(NamedTuple):
     shared: FloatArray  # (k, m, b), by the constants
 
 
-class Measurement(Protocol):
+class Sensor(Protocol):
     """All measurements of one sensor in a flight, k of them, each of one keyframe.
 
     The one statement of the sensor's model: GTSAM's factors, linear factors, innovations and
@@ -63,7 +63,7 @@ class Measurement(Protocol):
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class OfSensor:
+class SensorRows:
     """What measurements of a sensor of their own have: ``row``, their keyframes, (k,)."""
 
     row: IntArray
@@ -74,10 +74,10 @@ class OfSensor:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class OfAnother:
+class WrappedSensor:
     """What measurements that carry others elsewhere, in time or axes, have of these."""
 
-    measurement: Measurement
+    measurement: Sensor
     constants: Constants
 
     @property

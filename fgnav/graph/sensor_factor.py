@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fgnav.checks import FloatArray
 from fgnav.graph import keys as symbols
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.measurement import Measurement
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 
 Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
@@ -31,7 +31,7 @@ _BLOCKS = {
 }
 
 
-class _WithConstants(Measurement, Protocol):
+class _WithConstants(Sensor, Protocol):
     """A measurement whose model has constants of the flight in it."""
 
     @property
@@ -44,7 +44,7 @@ def parts_of(constants: Constants, columns: Iterable[int]) -> tuple[int, ...]:
     return tuple(sorted({p for c in columns for p, span in spans if span.start <= c < span.stop}))
 
 
-def of_measurement(
+def sensor_factor(
     measurement: _WithConstants,
     i: int,
     key: int,
@@ -57,7 +57,7 @@ def of_measurement(
 
     Parameters
     ----------
-    measurement : Measurement
+    measurement : Sensor
         With the ``constants`` of the flight.
     i : int
     key : int
