@@ -1,6 +1,6 @@
 """The sky over the flight, how strong satellites were received, and what methods leave of them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -9,9 +9,8 @@ from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.internal_consistency.residuals import (
     Residuals,
+    antenna_residuals,
     array_phase_residuals,
-    code_residuals,
-    phase_residuals,
 )
 from fgnav.evaluation.report.charts import (
     CN0_COLOURS,
@@ -158,18 +157,17 @@ def residual_blocks(flight: Flight, comparison: Comparison, time: Span) -> Block
             return None
         return array_phase_residuals(differences, estimate)
 
-    def of_antenna(
-        residuals: Callable[..., Residuals | None], estimate: Estimate
-    ) -> Residuals | None:
+    def of_antenna(estimate: Estimate, *, of_phase: bool) -> Residuals | None:
         if observed is None or "position" in hidden(estimate):
             return None
-        return residuals(observed, estimate, flight.antennas[0].position_b_m)
+        arm_b_m = flight.antennas[0].position_b_m
+        return antenna_residuals(observed, estimate, arm_b_m, of_phase=of_phase)
 
     charts, tables = [], []
     for title, unit, scale, residuals in (
         ("phase of the array", "mm", 1e3, of_array),
-        ("code of the first antenna", "m", 1.0, partial(of_antenna, code_residuals)),
-        ("phase of the first antenna", "mm", 1e3, partial(of_antenna, phase_residuals)),
+        ("code of the first antenna", "m", 1.0, partial(of_antenna, of_phase=False)),
+        ("phase of the first antenna", "mm", 1e3, partial(of_antenna, of_phase=True)),
     ):
         series = [
             (method.name, left.t_s, left.channels, scale * left.value_m)
