@@ -32,7 +32,8 @@ def main() -> None:
         page = Path(folder) / "report.html"
         save_report(comparison, flight, page.with_suffix(".png"))
         with Image.open(page.with_name("report-errors.png")) as errors:
-            errors.crop((0, 0, *SHEET)).quantize(128).save(ROOT / "sim/gallery/demo.png", optimize=True)
+            begin = errors.crop((0, 0, *SHEET)).quantize(128)
+            begin.save(ROOT / "sim/gallery/demo.png", optimize=True)
         save_report(comparison, flight, page)
         browser = shutil.which("chromium") or shutil.which("google-chrome")
         if browser is not None:

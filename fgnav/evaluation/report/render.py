@@ -85,7 +85,7 @@ def svg(chart: Chart, styles: Mapping[str, Style], salt: str) -> str:
     text = out.getvalue()
     text = text[text.index('<g id="figure_1">') :]
     text = re.sub(r'<g id="(m\d{1,2})">', r'<g class="\1">', text)
-    text = re.sub(r' id="[\w.]+_\d+"', "", text)
+    text = re.sub(r' id="(?!C\d)[\w.]+_\d+"', "", text)
     text = re.sub(r'( id="|href="#|url\(#)', rf"\1{salt}", text)
     text = _dots(text)
     text = re.sub(r"font-family: [^;]*; ", "", text)
