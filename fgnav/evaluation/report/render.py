@@ -6,6 +6,7 @@ from html import escape
 from io import StringIO
 from typing import Any, NamedTuple
 
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -78,10 +79,11 @@ def svg(chart: Chart, styles: Mapping[str, Style], salt: str) -> str:
     salt : str
         Differs between the figures of a page, whose names must not meet.
     """
-    figure = Figure(figsize=(WIDTH / 72, chart.height / 72), facecolor="none")
-    _draw(figure, chart, styles, (0.0, 0.0))
     out = StringIO()
-    FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})  # type: ignore[no-untyped-call]
+    with rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH / 72, chart.height / 72), facecolor="none")
+        _draw(figure, chart, styles, (0.0, 0.0))
+        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})  # type: ignore[no-untyped-call]
     text = out.getvalue()
     text = text[text.index('<g id="figure_1">') :]
     text = re.sub(r'<g id="(m\d{1,2})">', r'<g class="\1">', text)
@@ -141,7 +143,8 @@ def sheets(report: Report, part: Part, high: float, *, cut: bool) -> Iterator[Fi
     for number, page in enumerate(pages, 1):
         title = part.title + (f" ({number})" if number > 1 else "")
         spare = room - sum(row.height for row in page)
-        yield _sheet(report, title, page, high - max(spare, 0) if cut else high)
+        with rc_context(STYLE):  # also while a sheet is saved
+            yield _sheet(report, title, page, high - max(spare, 0) if cut else high)
 
 
 def _rows(blocks: Sequence[Block]) -> Iterator[_Row]:

@@ -77,19 +77,14 @@ def save_flights_report(comparison: FlightsComparison, path: Path | None) -> lis
 
 def write(report: Report, path: Path) -> list[Path]:
     """Write a report in the format that the name of its file says; return its files."""
-    from matplotlib import rc_context  # noqa: PLC0415  # lazy: half a second
-
-    from fgnav.evaluation.report.render import STYLE  # noqa: PLC0415
-
     check_report(path)
-    with rc_context(STYLE):
-        match path.suffix.lower():
-            case ".html":
-                write_text(path, page(report))
-            case ".pdf":
-                _save_pdf(report, path)
-            case _:
-                return _save_pngs(report, path)
+    match path.suffix.lower():
+        case ".html":
+            write_text(path, page(report))
+        case ".pdf":
+            _save_pdf(report, path)
+        case _:
+            return _save_pngs(report, path)
     return [path]
 
 

@@ -9,7 +9,6 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from matplotlib import rc_context
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
@@ -18,7 +17,7 @@ from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.report.charts import METHODS, TRUTH, Chart, Line, styles_of, unjumped_deg
 from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.parts import Folded, Grid, Part, Report, Table
-from fgnav.evaluation.report.render import STYLE, sheets
+from fgnav.evaluation.report.render import sheets
 from fgnav.evaluation.report.save import check_report, page, save_report, write
 from fgnav.evaluation.report.sections.signals import channel_charts
 from fgnav.evaluation.report.text import text_lines
@@ -163,8 +162,7 @@ def test_methods_beyond_the_colours_are_told_apart_by_dashes():
 def test_sheets_hold_every_text_and_figure_and_nothing_leaves_them(flown_report, suffix):
     high, cut = (595.3, False) if suffix == ".pdf" else (6000.0, True)
     for part in flown_report.parts:
-        with rc_context(STYLE):
-            figures = list(sheets(flown_report, part, high, cut=cut))
+        figures = list(sheets(flown_report, part, high, cut=cut))
         grids = blocks_of(part.blocks, Grid)
         titles = [axes.get_title(loc="left") for sheet in figures for axes in sheet.axes]
         assert titles == [chart.title for grid in grids for chart in grid.charts]
