@@ -171,15 +171,16 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
 
 def show_comparison(comparison: "Comparison") -> None:
     """Print the table of a comparison and what is to be said of it."""
-    from fgnav.evaluation.report.table import comparison_table, remarks  # noqa: PLC0415
+    from fgnav.evaluation.report.summary import method_table, remarks  # noqa: PLC0415
+    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415
 
-    print("\n".join(comparison_table(comparison, width())))
+    print("\n".join(text_lines([method_table(comparison)], width())))
     show_lines(remarks(comparison))
 
 
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """Print what is in a flight, what is wrong with it, and what could not be checked."""
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.summary import loss_lines  # noqa: PLC0415
 
     facts = list(_facts(diagnosis))
     name_width = max(len(name) for name, _ in facts)

@@ -14,7 +14,7 @@ from fgnav.campaign.report import write_report
 from fgnav.campaign.runs import Run
 from fgnav.campaign.tables import write_tables
 from fgnav.checks import BadInputError, Loss
-from fgnav.evaluation.report.blocks import Report
+from fgnav.evaluation.report.parts import Report
 
 Watch = Callable[[int, int], None]
 _KINDS = 5  # of failures that are named

@@ -1,6 +1,7 @@
 """What a campaign amounts to, as text: each figure with its interval, each method against one."""
 
 from array import array
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -8,29 +9,34 @@ import numpy as np
 
 from fgnav.campaign.fly import Record
 from fgnav.campaign.order import Order
-from fgnav.campaign.page import Sweep, campaign_report
 from fgnav.checks import FloatArray
 from fgnav.evaluation.figures import FIGURES
+from fgnav.evaluation.flights import BOOTSTRAP_SEED
 from fgnav.evaluation.paired import Interval, paired, pooled
-from fgnav.evaluation.report.blocks import Report
-from fgnav.evaluation.report.html.page import save_page
+from fgnav.evaluation.report.charts import Chart, Line
+from fgnav.evaluation.report.parts import (
+    Blocks,
+    Report,
+    grid,
+    interval,
+    paragraph,
+    report,
+    significant,
+)
+from fgnav.evaluation.report.parts import table as tabulated
+from fgnav.evaluation.report.save import write
+from fgnav.evaluation.report.text import text_lines
 from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import write_text
 
 REPORT, PAGE = "report.txt", "report.html"
 _WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
-# Column heading, figure, whether it is a root mean square.
 _SUMMARY = (
-    ("attitude deg", _WHOLE, True),
-    ("position m", "position_rmse_m", True),
-    ("velocity m/s", "velocity_rmse_mps", True),
-    ("NEES of 3", "attitude_nees", False),
-    ("NLL", "attitude_nll", False),
-    ("energy deg", "attitude_energy_score_deg", False),
-    ("wrong integers", "integers_wrong", False),
+    *("attitude_rmse_deg", "position_rmse_m", "velocity_rmse_mps", "attitude_nees"),
+    *("attitude_nll", "attitude_energy_score_deg", "integers_wrong"),
 )
-_RESAMPLED = 0x5EED  # intervals are the same whenever the flights are
+_WIDTH = 400  # letters of a table
 
 
 class Table:
@@ -71,7 +77,7 @@ class Table:
 
         NaN where a flight has not been flown, or the method had no answer.
         """
-        m, k = self._methods.index(method), FIGURES.index(name)
+        m, k = self._methods.index(method), list(FIGURES).index(name)
         own = {column: v for (c, column), v in self._flights.items() if c == case}
         numbers = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
         values = np.full((len(numbers), self._columns[case]), np.nan)
@@ -87,71 +93,56 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     A summary of each case, then tables of what was swept, as papers print them.
     """
     table = Table(order, records)
-    head = list(_head(order, len(table)))
-    summaries = {
-        case.title: (_summary_heads(order), list(_summary(order, table, number)))
-        for number, case in enumerate(order.case)
-    }
-    sweeps = [_sweep(order, table, cases) for cases in _swept_alike(order)]
-    lines = [*head]
-    for name, (heads, rows) in summaries.items():
-        lines += ["", name, *_aligned([heads, *rows])]
-    for sweep in sweeps:
-        lines.append("")
-        for name, (heads, rows) in sweep.tables.items():
-            lines += [name, *_aligned([heads, *rows])]
-    text = "\n".join(lines) + "\n"
+    groups = _swept_alike(order)
+    head = paragraph(_head(order, len(table)))
+    parts = [("summary", "Summary", head + _summaries(order, table))]
+    for number, cases in enumerate(groups):
+        swept, tables, charts = _sweep(order, table, cases)
+        parts.append((f"sweep-{number}", f"By {swept}", grid(charts) + tables))
+    whole = report(f"Campaign {order.name}", order.titles, parts)
+    lines = [line for part in whole.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
+    text = "\n".join([*lines[1:], ""])
     write_text(out / REPORT, text)
-    report = campaign_report(order, head, summaries, sweeps)
-    save_page(report, out / PAGE)
-    return text, report
+    write(whole, out / PAGE)
+    return text, whole
 
 
-def _aligned(rows: list[list[str]]) -> Iterator[str]:
-    """Yield lines of cells below each other: names to the left, figures to the right."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    texts = [k for k, column in enumerate(zip(*rows[1:], strict=True)) if not _is_figure(column)]
-    for row in rows:
-        cells = (
-            f"{cell:<{width}}" if k in texts else f"{cell:>{width}}"
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        yield f"  {'  '.join(cells)}".rstrip()
+def _summaries(order: Order, table: Table) -> Blocks:
+    """Return a table of each case."""
+    heads = [
+        "method",
+        "answered",
+        *(FIGURES[name].head or name.replace("_", " ") for name in _SUMMARY),
+    ]
+    heads += [f"ratio to {order.reference}", "of one only"]
+    return [
+        block
+        for number, case in enumerate(order.case)
+        for block in tabulated(heads, _summary(order, table, number), case.title)
+    ]
 
 
-def _is_figure(column: tuple[str, ...]) -> bool:
-    return all(cell[:1] in "0123456789-–" for cell in column if cell) and any(column)
-
-
-def _head(order: Order, count: int) -> Iterator[str]:
+def _head(order: Order, count: int) -> str:
     ordered = order.flights * sum(case.columns for case in order.case)
-    yield f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}."
-    yield (
-        "Figures over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
-        f"{order.reference!r}"
+    return (
+        f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}. Figures "
+        "over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
+        f"{order.reference!r} on the epochs that all methods answer; * where interval and "
+        "signed-rank test exclude 1. Values of a sweep share their random numbers: the flight, "
+        "over all of them, is the unit."
     )
-    yield (
-        "on the epochs that all methods answer; * where interval and signed-rank test exclude 1. "
-        "Values of a"
-    )
-    yield "sweep share their random numbers: the flight, over all of them, is the unit."
-
-
-def _summary_heads(order: Order) -> list[str]:
-    ratio = f"ratio to {order.reference}"
-    return ["method", "answered", *(head for head, _, _ in _SUMMARY), ratio, "of one only"]
 
 
 def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
     """Yield a row for each method of a case."""
-    rng = np.random.default_rng([_RESAMPLED, number])
+    rng = np.random.default_rng([BOOTSTRAP_SEED, number])
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
         answered = np.nansum(table.figure("available", title, number))
         share = 100 * float(answered) / max(table.flown(number), 1)
         cells = [
-            _cell(_pooled(table.figure(name, title, number), rng, squared=squared))
-            for _, name, squared in _SUMMARY
+            interval(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
+            for name in _SUMMARY
         ]
         ratio = unpaired = ""
         if title != order.reference:
@@ -159,7 +150,7 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
             both = np.isfinite(own) & np.isfinite(baseline)
             first, second = (np.where(both, values, np.nan) for values in (own, baseline))
             held = paired(_root_mean(first), _root_mean(second), rng)
-            ratio = _cell(held.ratio) + ("*" if held.is_significant else "")
+            ratio = interval(held.ratio) + ("*" if held.is_significant else "")
             only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
             unpaired = f"{only} flights" if only else ""
         yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
@@ -175,8 +166,8 @@ def _swept_alike(order: Order) -> list[list[int]]:
     return list(groups.values())
 
 
-def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
-    """Return a table for each angle, swept values from left to right, as papers print them.
+def _sweep(order: Order, table: Table, cases: list[int]) -> tuple[str, Blocks, list[Chart]]:
+    """Return what was swept; a table for each angle, values from left to right; their charts.
 
     A row for each method and case, then their average; last what methods amount to over all
     angles, values and cases.
@@ -185,30 +176,27 @@ def _sweep(order: Order, table: Table, cases: list[int]) -> Sweep:
     values = () if sweep is None else sweep.values
     swept = ", ".join(filter(None, (sweep.name if sweep else "", order.case[cases[0]].condition)))
     names = [order.case[number].name for number in cases]
-    labels = [*names, "average"] if len(cases) > 1 else names
     heads = ["method", "case", *(f"{value:g}" for value in values), "mean"]
-    tables, curves = {}, {}
+    tables: Blocks = []
+    charts = []
     for angle in EULER:
-        rows = []
+        rows: list[list[str]] = []
+        lines: defaultdict[str, list[Line]] = defaultdict(list)
         for title in order.titles:
             by_case = [
                 _root_mean(table.figure(f"{angle}_rmse_deg", title, number).T) for number in cases
             ]
-            lines = [*by_case, np.mean(by_case, axis=0)][: len(labels)]
-            for label, by_column in zip(labels, lines, strict=True):
-                cells = [_number(v) for v in (*by_column, float(by_column.mean()))]
+            average = [("average", np.mean(by_case, axis=0))] if len(cases) > 1 else []
+            for label, errors in [*zip(names, by_case, strict=True), *average]:
+                cells = [significant(v) for v in (*errors, float(errors.mean()))]
                 rows.append([title, label, *cells])
-                curves[angle, label, title] = by_column
-        tables[f"{angle}, RMSE in degrees by {swept}"] = (heads, rows)
-    if overall := list(_overall(order, table, cases)):
-        name = "mean RMSE over angles, values and cases, deg; its ratio"
-        tables[name] = (["method", "mean, deg", "ratio"], overall)
-    return Sweep(
-        name=swept,
-        values=np.array(values),
-        tables=tables,
-        curves=curves,
-    )
+                line = Line(title, np.array(values), errors)
+                lines[f"{angle}, {label}"].append(line)
+        tables += tabulated(heads, rows, f"{angle}, RMSE in degrees by {swept}")
+        charts += [Chart(title, "RMSE, deg", of, swept, log="y") for title, of in lines.items()]
+    caption = "mean RMSE over angles, values and cases, deg; its ratio"
+    tables += tabulated(["method", "mean, deg", "ratio"], _overall(order, table, cases), caption)
+    return swept, tables, charts
 
 
 def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]]:
@@ -220,16 +208,16 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
         ]
         return np.asarray(np.concatenate(figures, axis=1).mean(axis=1))  # NaN where one is missing
 
-    rng = np.random.default_rng([_RESAMPLED, *cases])
+    rng = np.random.default_rng([BOOTSTRAP_SEED, *cases])
     if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
         return  # flights of one of them are still to come
     baseline = means(order.reference)
     for title in order.titles:
         own = means(title)
         held = paired(own, baseline, rng)
-        ratio = "" if title == order.reference else _cell(held.ratio)
+        ratio = "" if title == order.reference else interval(held.ratio)
         mark = "*" if ratio and held.is_significant else ""
-        yield [title, _cell(pooled(own, rng, squared=False)), ratio + mark]
+        yield [title, interval(pooled(own, rng, squared=False)), ratio + mark]
 
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:
@@ -241,15 +229,3 @@ def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> I
 def _root_mean(values: FloatArray) -> FloatArray:
     """Return the root mean square over the last axis; NaN of nothing."""
     return np.asarray(np.sqrt(finite_mean(values**2, -1)))
-
-
-def _cell(of: Interval) -> str:
-    if not np.isfinite(of.value):
-        return "–"
-    if not np.isfinite([of.low, of.high]).all():
-        return _number(of.value)
-    return f"{_number(of.value)} [{_number(of.low)}, {_number(of.high)}]"
-
-
-def _number(value: float) -> str:
-    return "–" if not np.isfinite(value) else f"{value:.3g}"

@@ -134,13 +134,14 @@ def _several(
     strict: bool,
 ) -> None:
     from fgnav.checks import NoSolutionError  # noqa: PLC0415
-    from fgnav.evaluation.report.flights_table import flights_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.flights import on_screen  # noqa: PLC0415
     from fgnav.evaluation.report.save import save_flights_report  # noqa: PLC0415
+    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415
 
     comparison = compare_folders(folders, estimators, span)
     write_json(json, comparison.to_dict())
     if json != "-":
-        print("\n".join(flights_lines(comparison, width())))
+        print("\n".join(text_lines(on_screen(comparison), width())))
     if not any(one.figures for one in comparison.flights):
         why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
         raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")

@@ -18,7 +18,7 @@ from fgnav.cli.arguments.options import (
 from fgnav.cli.arguments.written import fail_if_inconsistent, write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_lines, show_report
+from fgnav.terminal import check_outputs, show_comparison, show_lines, show_report
 
 
 def run(  # noqa: PLR0913  # a command has as many options as it takes
@@ -49,7 +49,6 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     """
     from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
-    from fgnav.evaluation.report.table import quality_lines, remarks  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
     check_outputs(flight, json, report, folder=out)
@@ -66,6 +65,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())
     if json != "-":
-        show_lines([written, *quality_lines(comparison), *remarks(comparison)])
+        show_lines([written])
+        show_comparison(comparison)
         show_report(files)
     fail_if_inconsistent(comparison, strict=smoother.strict)

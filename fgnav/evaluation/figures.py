@@ -1,6 +1,7 @@
 """What one method made of one flight, as a row of a table: the figures that statistics rest on."""
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,25 +10,39 @@ from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.scores import EULER, Errors, rms
 
+
+class Figure(NamedTuple):
+    """A figure of a method on a flight: how tables head it, and whether it is an RMS itself.
+
+    With a title it is one by which methods are held against each other.
+    """
+
+    head: str = ""
+    title: str = ""
+    is_rms: bool = False
+
+
 # Unit and meaning are in the name; NaN where a method or a flight has nothing to judge.
-FIGURES = (
-    "available",
-    *(f"{angle}_rmse_deg" for angle in EULER),
-    "attitude_rmse_deg",
-    "attitude_median_deg",
-    "attitude_p95_deg",
-    "matched_attitude_rmse_deg",
-    "position_rmse_m",
-    "velocity_rmse_mps",
-    "attitude_nees",
-    "position_nees",
-    "velocity_nees",
-    "attitude_nll",
-    "attitude_energy_score_deg",
-    "integers_right",
-    "integers_wrong",
-    "integers_refused",
-)
+FIGURES = {
+    "available": Figure("epochs"),
+    **{f"{angle}_rmse_deg": Figure(is_rms=True) for angle in EULER},
+    "attitude_rmse_deg": Figure("attitude, deg RMS", is_rms=True),
+    "attitude_median_deg": Figure("median, deg", "median attitude error, deg"),
+    "attitude_p95_deg": Figure("95 %, deg", "95th percentile of attitude error, deg"),
+    "matched_attitude_rmse_deg": Figure(
+        "matched, deg RMS", "attitude RMS on common epochs, deg", is_rms=True
+    ),
+    "position_rmse_m": Figure("position, m RMS", "position RMS, m", is_rms=True),
+    "velocity_rmse_mps": Figure("velocity, m/s RMS", "velocity RMS, m/s", is_rms=True),
+    "attitude_nees": Figure("NEES, of 3"),
+    "position_nees": Figure(),
+    "velocity_nees": Figure(),
+    "attitude_nll": Figure("NLL"),
+    "attitude_energy_score_deg": Figure("energy, deg", "energy score of attitude, deg"),
+    "integers_right": Figure(),
+    "integers_wrong": Figure(),
+    "integers_refused": Figure(),
+}
 _NODES = 128  # of a normal distribution, a power of 2: energy scores to .3 %
 
 

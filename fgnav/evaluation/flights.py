@@ -13,34 +13,10 @@ from fgnav.checks import FgnavError, FloatArray
 from fgnav.evaluation.comparison import Watch, compare
 from fgnav.evaluation.figures import FIGURES, flight_figures
 from fgnav.evaluation.paired import Interval, Paired, paired, pooled
-from fgnav.evaluation.scores import EULER
 from fgnav.types.estimate import Estimator
 from fgnav.types.flight import Flight
 
-# Figures that are held against each other, and whether each is itself a root mean square.
-POOLED = {
-    "available": False,
-    **dict.fromkeys((f"{angle}_rmse_deg" for angle in EULER), True),
-    "attitude_rmse_deg": True,
-    "matched_attitude_rmse_deg": True,
-    "attitude_median_deg": False,
-    "attitude_p95_deg": False,
-    "position_rmse_m": True,
-    "velocity_rmse_mps": True,
-    "attitude_nees": False,
-    "position_nees": False,
-    "velocity_nees": False,
-    "attitude_nll": False,
-    "attitude_energy_score_deg": False,
-}
-PAIRED = (
-    "matched_attitude_rmse_deg",
-    "attitude_median_deg",
-    "attitude_p95_deg",
-    "position_rmse_m",
-    "velocity_rmse_mps",
-    "attitude_energy_score_deg",
-)
+PAIRED = [name for name, figure in FIGURES.items() if figure.title]
 BOOTSTRAP_SEED = 0x5EED  # intervals are the same whenever the flights are
 
 
@@ -71,8 +47,7 @@ class FlightsComparison:
 
     def pooled(self, name: str, method: str) -> Interval:
         """Return a figure over flights with its interval: root mean square, or mean."""
-        rng = np.random.default_rng([BOOTSTRAP_SEED, FIGURES.index(name)])
-        return pooled(self.figure(name, method), rng, squared=POOLED[name])
+        return pooled(self.figure(name, method), _rng(name), squared=FIGURES[name].is_rms)
 
     def bound_deg(self, kind: str, angle: str) -> FloatArray:
         """Return a bound of each flight, (n,): ``"crlb_deg"`` or ``"posterior_deg"``."""
@@ -96,8 +71,7 @@ class FlightsComparison:
 
     def paired(self, name: str, method: str) -> Paired:
         """Return what a method gains against the first one."""
-        rng = np.random.default_rng([BOOTSTRAP_SEED, FIGURES.index(name)])
-        return paired(self.figure(name, method), self.figure(name, self.methods[0]), rng)
+        return paired(self.figure(name, method), self.figure(name, self.methods[0]), _rng(name))
 
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types; None, and null in JSON, where there is none."""
@@ -105,7 +79,7 @@ class FlightsComparison:
         content = {
             "flights": {one.flight: _flight(one) for one in self.flights},
             "pooled": {
-                method: {name: asdict(self.pooled(name, method)) for name in POOLED}
+                method: {name: asdict(self.pooled(name, method)) for name in FIGURES}
                 for method in self.methods
             },
             "paired": {
@@ -120,6 +94,10 @@ class FlightsComparison:
         }
         plain: dict[str, Any] = _without_nan(content)
         return plain
+
+
+def _rng(name: str) -> np.random.Generator:
+    return np.random.default_rng([BOOTSTRAP_SEED, list(FIGURES).index(name)])
 
 
 def compare_flights(

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.geometry import rotations
 from fgnav.geometry.interpolation import interpolate
+from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.types.flight import TRUTH_SIGMAS, Truth
 
 _SAME_EPOCH_S = 1e-6
@@ -41,36 +41,25 @@ def truth_at(truth: Truth, t_s: FloatArray) -> Truth:
     t_s : ndarray, shape (n,)
         Epochs for which ``covered`` says yes.
     """
+    if not len(t_s):
+        return truth[:0]
     sigmas: dict[str, Any] = {
         name: _between(truth.t_s, getattr(truth, name), t_s) for name in TRUTH_SIGMAS
     }
-    if len(truth.t_s) < 2:
-        keep = np.zeros(len(t_s), dtype=np.int64)
-        return Truth(
-            t_s=t_s,
-            p_n_m=truth.p_n_m[keep],
-            v_n_mps=truth.v_n_mps[keep],
-            R_nb=truth.R_nb[keep],
-            **sigmas,
-        )
-    k = _before(truth.t_s, t_s)
-    step_s = (truth.t_s[k + 1] - truth.t_s[k])[:, None]
-    x = (t_s - truth.t_s[k])[:, None] / step_s
-    v0, v1 = truth.v_n_mps[k], truth.v_n_mps[k + 1]
-    p0, p1 = truth.p_n_m[k], truth.p_n_m[k + 1]
+    last = len(truth.t_s) - 1
+    before = _before(truth.t_s, t_s)
+    after = np.minimum(before + 1, last)
+    step_s = (truth.t_s[after] - truth.t_s[before])[:, None]
+    x = (t_s - truth.t_s[before])[:, None] / np.where(step_s > 0, step_s, 1.0)
+    v0, v1 = truth.v_n_mps[before], truth.v_n_mps[after]
+    p0, p1 = truth.p_n_m[before], truth.p_n_m[after]
     p_n_m = (
         (1 + 2 * x) * (1 - x) ** 2 * p0
         + x**2 * (3 - 2 * x) * p1
         + x * (1 - x) * ((1 - x) * v0 - x * v1) * step_s
     )
-    turn = rotations.log(rotations.transpose(truth.R_nb[k]) @ truth.R_nb[k + 1])
-    return Truth(
-        t_s=t_s,
-        p_n_m=p_n_m,
-        v_n_mps=(1 - x) * v0 + x * v1,
-        R_nb=truth.R_nb[k] @ rotations.exp(x * turn),
-        **sigmas,
-    )
+    v_n_mps = (1 - x) * v0 + x * v1
+    return Truth(t_s=t_s, p_n_m=p_n_m, v_n_mps=v_n_mps, R_nb=attitude_at(truth, t_s)[0], **sigmas)
 
 
 def _between(times_s: FloatArray, sigma: FloatArray | None, t_s: FloatArray) -> FloatArray | None:
@@ -98,4 +87,4 @@ def minus(
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return the index of the last sample at or before each epoch, kept off the last sample."""
     row = np.searchsorted(times_s, t_s, side="right") - 1
-    return np.asarray(row.clip(0, len(times_s) - 2))
+    return np.asarray(row.clip(0, max(len(times_s) - 2, 0)))

@@ -11,9 +11,9 @@ from fgnav.attitude.baseline_angles import (
     reported_baselines,
 )
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
-from fgnav.evaluation.reference import covered, truth_at
+from fgnav.evaluation.reference import covered, minus, truth_at
 from fgnav.geometry import rotations
 from fgnav.types.estimate import Consistency, Estimate, GraphSummary, Verdict
 from fgnav.types.flight import Flight, Truth
@@ -153,11 +153,19 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     euler_rad = rotations.wrap(rotations.to_euler(R_nb) - rotations.to_euler(real.R_nb))
     euler_rad[:, [name in hidden(estimate) for name in EULER]] = np.nan
     tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
-    position_n_m = _minus(estimate.p_n_m, real.p_n_m, inside)
-    velocity_n_mps = _minus(estimate.v_n_mps, real.v_n_mps, inside)
-    nees = _nees(
-        tangent_b_rad, estimate.attitude_covariance_rad2, inside, _attitude_covariance(real)
+    attitude, position, velocity = (
+        None if P is None else P[inside]
+        for P in (
+            estimate.attitude_covariance_rad2,
+            estimate.position_covariance_m2,
+            estimate.velocity_covariance_m2ps2,
+        )
     )
+    everywhere = np.arange(len(real.t_s))
+    rows = np.flatnonzero(inside)
+    position_n_m = minus(estimate.p_n_m, real.p_n_m, rows, everywhere)
+    velocity_n_mps = minus(estimate.v_n_mps, real.v_n_mps, rows, everywhere)
+    nees = _nees(tangent_b_rad, attitude, _attitude_covariance(real))
     outside = int((~inside).sum())
     losses = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
@@ -170,15 +178,8 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         position_n_m=position_n_m,
         velocity_n_mps=velocity_n_mps,
         nees=nees,
-        position_nees=_nees(
-            position_n_m, estimate.position_covariance_m2, inside, _diagonal(real.position_sigma_m)
-        ),
-        velocity_nees=_nees(
-            velocity_n_mps,
-            estimate.velocity_covariance_m2ps2,
-            inside,
-            _diagonal(real.velocity_sigma_mps),
-        ),
+        position_nees=_nees(position_n_m, position, _diagonal(real.position_sigma_m)),
+        velocity_nees=_nees(velocity_n_mps, velocity, _diagonal(real.velocity_sigma_mps)),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
     )
 
@@ -300,10 +301,6 @@ def _mean(values: FloatArray | None) -> float | None:
     return float(np.nanmean(values))
 
 
-def _minus(estimate: FloatArray | None, truth: FloatArray, inside: BoolArray) -> FloatArray | None:
-    return None if estimate is None else np.asarray(estimate[inside] - truth)
-
-
 def _diagonal(sigma: FloatArray | None) -> FloatArray | None:
     return None if sigma is None else np.asarray(sigma[:, :, None] ** 2 * np.eye(3))
 
@@ -318,10 +315,7 @@ def _attitude_covariance(truth: Truth) -> FloatArray | None:
 
 
 def _nees(
-    error: FloatArray | None,
-    covariance: FloatArray | None,
-    inside: BoolArray,
-    of_reference: FloatArray | None,
+    error: FloatArray | None, covariance: FloatArray | None, of_reference: FloatArray | None = None
 ) -> FloatArray | None:
     """Return error' covariance^-1 error per epoch, (n,), NaN where there is no inverse.
 
@@ -330,7 +324,7 @@ def _nees(
     """
     if error is None or covariance is None:
         return None
-    covariance = covariance[inside] if of_reference is None else covariance[inside] + of_reference
+    covariance = covariance if of_reference is None else covariance + of_reference
     finite = np.isfinite(np.concatenate([covariance, error[:, :, None]], axis=2)).all(axis=(1, 2))
     variance, axes = np.linalg.eigh(np.where(np.reshape(finite, (-1, 1, 1)), covariance, 0.0))
     sound = variance[:, 0] > 0
@@ -351,28 +345,15 @@ def baseline_figures(flight: Flight, estimate: Estimate) -> tuple[BaselineFigure
     """Return the figures of all reported baselines of a flight."""
     figures = []
     for name, unit_b in reported_baselines(flight).items() if len(estimate.t_s) else ():
-        angles, of = baseline_angles(estimate, unit_b), {}
-        sigma_rad, P = angles.sigma_rad, angles.covariance_rad2
-        if sigma_rad is not None:
-            of = dict(zip(_SIGMAS, np.degrees(np.median(sigma_rad, axis=0)).tolist(), strict=True))
+        angles = baseline_angles(estimate, unit_b)
+        of: dict[str, float | None] = {}
+        if angles.sigma_rad is not None:
+            medians_rad = np.median(angles.sigma_rad, axis=0)
+            of = dict(zip(_SIGMAS, np.degrees(medians_rad).tolist(), strict=True))
         if flight.truth is not None:
             errors = baseline_errors_rad(angles, flight.truth, unit_b)
-            of |= _against_truth(errors[np.isfinite(errors[:, 0])])
-            of |= {} if P is None else _normalised(errors, P)
+            sizes = (degrees(rms(one[np.isfinite(one)])) for one in errors.T)
+            of |= dict(zip(_ERRORS, sizes, strict=True))
+            of["nees_mean"] = _mean(_nees(errors, angles.covariance_rad2))
         figures.append(BaselineFigures(name=name, **of))
     return tuple(figures)
-
-
-def _against_truth(errors_rad: FloatArray) -> dict[str, float]:
-    if not len(errors_rad):
-        return {}
-    rms = np.degrees(np.sqrt((errors_rad**2).mean(axis=0))).tolist()
-    return dict(zip(_ERRORS, rms, strict=True))
-
-
-def _normalised(errors_rad: FloatArray, P: FloatArray) -> dict[str, float]:
-    """Return the mean NEES over epochs whose covariance is positive definite."""
-    sound = np.isfinite(errors_rad[:, 0]) & (np.linalg.det(P) > 0)
-    e, P = errors_rad[sound], P[sound]
-    nees = np.einsum("ni,ni->n", e, np.linalg.solve(P, e[:, :, None])[..., 0])
-    return {"nees_mean": float(nees.mean())} if len(nees) else {}

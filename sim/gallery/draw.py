@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from fgnav.evaluation.report.lines import unjumped_deg
+from fgnav.evaluation.report.charts import unjumped_deg
 from fgnav.geometry.rotations import to_euler
 from fgnav.shipped import shipped
 from fgnav.types.flight import Flight, Truth

@@ -45,7 +45,7 @@ def test_every_flight_and_method_has_a_row(whole, order):
 
 def test_maximum_likelihood_beats_the_closed_form_by_the_report(whole):
     outcome, _ = whole
-    line = next(x for x in outcome.text.splitlines() if x.startswith("  quiet"))
+    line = next(x for x in outcome.text.splitlines() if x.startswith("quiet"))
     assert float(line.split()[-1]) < 1
     assert "[" not in line  # of three flights, whatever is swept, there is no interval
 

@@ -53,20 +53,20 @@ def drawn(number, column, flight, title):  # noqa: ARG001  # what columns have i
 def test_columns_that_share_their_draws_make_no_interval_shorter(tmp_path):
     one = lines(order_of(1), drawn, tmp_path)
     nine = lines(order_of(9), drawn, tmp_path)
-    assert line_of(one, "  loud") == line_of(nine, "  loud")
-    assert re.search(r"\[\S+, \S+\]", line_of(one, "  loud"))
-    assert line_of(one, "  quiet") == line_of(nine, "  quiet")
+    assert line_of(one, "loud") == line_of(nine, "loud")
+    assert re.search(r"\[\S+, \S+\]", line_of(one, "loud"))
+    assert line_of(one, "quiet") == line_of(nine, "quiet")
 
 
 def test_cases_of_one_sweep_stand_below_each_other_with_their_average(tmp_path):
     text = lines(order_of(3), lambda c, k, _f, t: (1 + c) * (2 + k) * (1 + (t == "loud")), tmp_path)
     top = text.index("roll, RMSE in degrees by amplitude_deg")
-    rows = [line.split()[-4:] for line in text[top + 2 : top + 8]]
+    rows = [line.split()[-4:] for line in text[top + 3 : top + 9]]
     assert rows[0] == ["2", "3", "4", "3"]
     assert rows[1] == ["4", "6", "8", "6"]
     assert rows[2] == ["3", "4.5", "6", "4.5"]
     assert rows[3] == ["4", "6", "8", "6"]
-    assert [line.split()[-5] for line in text[top + 2 : top + 5]] == ["ramp", "sine", "average"]
+    assert [line.split()[-5] for line in text[top + 3 : top + 6]] == ["ramp", "sine", "average"]
     assert text[top + 1].split() == ["method", "case", "0", "1", "2", "mean"]
 
 
@@ -75,7 +75,7 @@ def test_conditions_have_tables_of_their_own(tmp_path):
     text = lines(order, lambda c, *_: 1.0 + (c // 2), tmp_path)
     for condition, value in (("code", "1"), ("carrier", "2")):
         top = text.index(f"yaw, RMSE in degrees by amplitude_deg, {condition}")
-        assert text[top + 4].split()[-4:] == ["average", value, value, value]
+        assert text[top + 5].split()[-4:] == ["average", value, value, value]
     assert "ramp, carrier" in text
 
 
@@ -83,10 +83,10 @@ def test_the_mean_over_all_has_a_ratio_with_its_interval(tmp_path):
     text = lines(order_of(3), drawn, tmp_path)
     top = text.index("mean RMSE over angles, values and cases, deg; its ratio")
     expected = np.mean([[drawn(c, 0, f, "quiet") for f in range(12)] for c in (0, 1)])
-    figures = [float(x) for x in re.findall(r"[\d.]+", text[top + 2])]
+    figures = [float(x) for x in re.findall(r"[\d.]+", text[top + 4])]
     assert figures[0] == pytest.approx(expected, rel=5e-3)
     assert figures[3] == pytest.approx(0.8, rel=1e-3)
-    assert text[top + 2].endswith("*")
+    assert text[top + 4].endswith("*")
 
 
 def test_flights_without_an_answer_count_as_asked(tmp_path):
@@ -94,8 +94,8 @@ def test_flights_without_an_answer_count_as_asked(tmp_path):
         return None if title == "quiet" and flight % 4 == 0 else 1.0
 
     text = lines(order_of(2, cases=("ramp",)), error_deg, tmp_path)
-    assert "75.0 %" in line_of(text, "  quiet")
-    assert line_of(text, "  quiet").endswith("6 flights")
+    assert "75.0 %" in line_of(text, "quiet")
+    assert line_of(text, "quiet").endswith("6 flights")
     assert "average" not in "".join(text)
 
 

@@ -11,13 +11,9 @@ from fgnav import cli
 from fgnav.checks import BadInputError
 from fgnav.evaluation.flights import FlightOutcome, FlightsComparison, compare_flights
 from fgnav.evaluation.paired import paired
-from fgnav.evaluation.report.flights_table import (
-    angle_rows,
-    count_rows,
-    flights_lines,
-    innovation_rows,
-)
+from fgnav.evaluation.report.flights import innovations, on_screen, summary
 from fgnav.evaluation.report.save import save_flights_report
+from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Estimate
 
 
@@ -74,7 +70,7 @@ def test_one_flight_does_not_end_the_others(flights, off):
     outcome = run(lost, [Growing(off, "a", 0.01, unfit="2")])
     assert [one.flight for one in outcome.flights if one.failure] == ["gone", "f2"]
     assert np.isfinite(outcome.figure("attitude_rmse_deg", "a")).sum() == 5
-    text = "\n".join(flights_lines(outcome, 200))
+    text = "\n".join(text_lines(on_screen(outcome), 200))
     assert "gone: not compared: gone: no such folder" in text
     assert "f2: not compared: no such sensor" in text
 
@@ -212,15 +208,15 @@ def detail(nis, freedom, roll_deg):
 def test_innovations_of_flights_are_weighed_by_their_freedom():
     outcome = of_details([detail(1.0, 300, 0.3), detail(2.0, 100, 0.4), {}])
     assert outcome.innovations("a") == {"velocity": (1.25, 400)}
-    (row,) = innovation_rows(outcome)
+    ((row,),) = (table.rows for table in innovations(outcome))
     assert row[:4] == ["a", "velocity", "400", "1.250"]
     assert row[-1] == "above"  # 95 % of 400 degrees lie within .866 and 1.143
 
 
 def test_bounds_stand_below_the_methods_and_unknown_ones_do_not():
     outcome = of_details([detail(1.0, 300, 0.3), detail(1.0, 300, 0.4), {}])
-    method, bound = angle_rows(outcome)
+    _, angles, counts = summary(outcome)
+    method, bound = angles.rows
     assert method == ["a", "–", "–", "–"]
     assert bound == ["Cramér-Rao, one epoch of phase", "0.354", "–", "0.1"]  # rms of .3 and .4
-    (counts,) = count_rows(outcome)
-    assert counts == ["a", "–", "–", "–", "2"]
+    assert counts.rows == [["a", "–", "–", "–", "2"]]

@@ -9,11 +9,7 @@ import pytest
 
 from fgnav.checks import NoSolutionError
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.posterior_bound import (
-    posterior_angles,
-    posterior_bound,
-    true_states,
-)
+from fgnav.evaluation.posterior_bound import posterior_angles, posterior_bound, true_states
 from fgnav.evaluation.scores import Angles
 from fgnav.geometry.rotations import euler_jacobian
 from fgnav.graph.build import Layout, flight_values

@@ -38,10 +38,7 @@ def test_a_single_sample_covers_only_its_own_time(true_state):
 
 def test_no_sample_covers_nothing():
     truth = Truth(
-        t_s=np.empty(0),
-        p_n_m=np.empty((0, 3)),
-        v_n_mps=np.empty((0, 3)),
-        R_nb=np.empty((0, 3, 3)),
+        t_s=np.empty(0), p_n_m=np.empty((0, 3)), v_n_mps=np.empty((0, 3)), R_nb=np.empty((0, 3, 3))
     )
     assert not covered(truth, np.array([0.0])).any()
     assert len(truth_at(truth, np.empty(0)).t_s) == 0

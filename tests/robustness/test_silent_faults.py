@@ -6,7 +6,7 @@ import pytest
 
 from fgnav.diagnostics import describe
 from fgnav.evaluation.comparison import compare
-from fgnav.evaluation.report.table import remarks
+from fgnav.evaluation.report.summary import remarks
 from fgnav.methods.smoother import Smoother
 from tests.robustness.faults import FAULTS, right_flights
 

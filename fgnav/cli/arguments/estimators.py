@@ -171,7 +171,7 @@ def _check_set_up(flight: "Flight") -> None:
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.diagnostics import describe  # noqa: PLC0415
-    from fgnav.evaluation.report.table import loss_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.summary import loss_lines  # noqa: PLC0415
 
     findings = describe(flight, quick=True).findings
     for finding in findings:

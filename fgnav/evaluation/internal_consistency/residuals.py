@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.scores import finite_mean
 from fgnav.geometry.earth import C_MPS
@@ -50,10 +50,13 @@ def array_phase_residuals(differences: DoubleDifferences, estimate: Estimate) ->
     )
 
 
-def code_residuals(
-    observed: Undifferenced, estimate: Estimate, arm_b_m: FloatArray
+def antenna_residuals(
+    observed: Undifferenced, estimate: Estimate, arm_b_m: FloatArray, *, of_phase: bool
 ) -> Residuals | None:
-    """Return what a position leaves of the first antenna's code, clocks of each epoch taken off.
+    """Return what a position leaves of the first antenna's code, or of its phase.
+
+    Clocks of each epoch are taken off, of phase also a constant for each arc. What drifts within
+    an arc is in it: errors of messages, of the atmosphere's models, of the position.
 
     Parameters
     ----------
@@ -65,60 +68,20 @@ def code_residuals(
     Residuals or None
         None without positions.
     """
-    off_place = _off_place(observed, estimate, arm_b_m)
-    if off_place is None:
-        return None
-    rows, way_m = off_place
-    value_m = observed.code_m[rows] + way_m
-    _take_off(value_m, _by_group(observed))
-    return Residuals(t_s=observed.t_s[rows], channels=_carriers(observed), value_m=value_m)
-
-
-def phase_residuals(
-    observed: Undifferenced, estimate: Estimate, arm_b_m: FloatArray
-) -> Residuals | None:
-    """Return what a position leaves of the first antenna's phase, clocks and ambiguities taken off.
-
-    As ``code_residuals``, less a constant for each arc. What drifts within an arc is in it: errors
-    of messages, of the atmosphere's models, of the position.
-    """
-    off_place = _off_place(observed, estimate, arm_b_m)
-    if off_place is None:
-        return None
-    rows, way_m = off_place
-    value_m = observed.phase_m[rows] + way_m
-    arc = observed.arc[rows]
-    groups = _by_group(observed)
-    for _ in range(_SWEEPS):
-        _take_off(value_m, groups)
-        _take_off_arcs(value_m, arc)
-    _take_off(value_m, groups)
-    return Residuals(t_s=observed.t_s[rows], channels=_carriers(observed), value_m=value_m)
-
-
-def _off_place(
-    observed: Undifferenced, estimate: Estimate, arm_b_m: FloatArray
-) -> tuple[IntArray, FloatArray] | None:
-    """Return epochs of the observations, and how much longer the way to each satellite is, (k, m).
-
-    Longer than from the place that the observations were modelled for.
-    """
     if estimate.p_n_m is None:
         return None
-    rows, own = common_epochs(observed.t_s, estimate.t_s)
-    antenna_n_m = estimate.p_n_m[own] + estimate.R_nb[own] @ arm_b_m
-    off_m = antenna_n_m - observed.place_n_m[rows]
-    return rows, np.einsum("kmi,ki->km", observed.e_n[rows], off_m)
-
-
-def _by_group(observed: Undifferenced) -> list[BoolArray]:
-    return [np.asarray(observed.group == k) for k in np.unique(observed.group)]
-
-
-def _take_off(value_m: FloatArray, groups: list[BoolArray]) -> None:
-    """Take the mean of each group's channels off, epoch by epoch."""
-    for members in groups:
-        value_m[:, members] -= finite_mean(value_m[:, members], 1)[:, None]
+    rows, answers = common_epochs(observed.t_s, estimate.t_s)
+    antenna_n_m = estimate.p_n_m[answers] + estimate.R_nb[answers] @ arm_b_m
+    # How much longer the way is than from the place that the observations were modelled for.
+    way_m = np.einsum("kmi,ki->km", observed.e_n[rows], antenna_n_m - observed.place_n_m[rows])
+    value_m = (observed.phase_m if of_phase else observed.code_m)[rows] + way_m
+    groups = [observed.group == k for k in np.unique(observed.group)]
+    for sweep in range(1 + _SWEEPS * of_phase):
+        if sweep:
+            _take_off_arcs(value_m, observed.arc[rows])
+        for members in groups:
+            value_m[:, members] -= finite_mean(value_m[:, members], 1)[:, None]
+    return Residuals(t_s=observed.t_s[rows], channels=_carriers(observed), value_m=value_m)
 
 
 def _take_off_arcs(value_m: FloatArray, arc: IntArray) -> None:

@@ -1,134 +1,192 @@
-"""The report of several flights: pooled figures, paired differences, and every flight."""
+"""Several flights: pooled figures, paired differences, and every flight."""
+
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from fgnav.evaluation.flights import BOOTSTRAP_SEED, FlightsComparison
-from fgnav.evaluation.report.blocks import Blocks, Part, Report, grid, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, decades, log10
-from fgnav.evaluation.report.flights_table import (
-    ANGLE_HEADS,
-    COUNT_HEADS,
-    SUMMARY,
-    angle_rows,
-    count_rows,
-    failure_lines,
-    innovation_rows,
-    number,
-    paired_rows,
-    pooled_rows,
+from fgnav.evaluation.figures import FIGURES
+from fgnav.evaluation.flights import BOOTSTRAP_SEED, PAIRED, FlightsComparison
+from fgnav.evaluation.report.charts import Chart, Line
+from fgnav.evaluation.report.parts import (
+    NONE,
+    Blocks,
+    Report,
+    grid,
+    interval,
+    paragraph,
+    report,
+    significant,
+    table,
 )
-from fgnav.evaluation.report.palette import method_marks
+from fgnav.evaluation.report.sections.consistency import NIS_CAPTION, NIS_HEADS, nis_cells
 from fgnav.evaluation.report.sections.facts import versions
+from fgnav.evaluation.scores import EULER, rms
 
+_SUMMARY = {figure.head: name for name, figure in FIGURES.items() if figure.head}
+_BOUNDS = {
+    "crlb_deg": "Cramér-Rao, one epoch of phase",
+    "posterior_deg": "Cramér-Rao, flight, prior of motion",
+}
+_COUNTS = ("right", "wrong", "refused")
 _BESIDE = 0.2  # flights: methods on either side of where their flight is, so that equal ones show
-_HEADS = [f"{head} {unit}".strip() for head, unit, _ in SUMMARY]
-_CHARTS = (
-    ("attitude RMS, deg", "attitude_rmse_deg"),
-    ("95th percentile of attitude error, deg", "attitude_p95_deg"),
-    ("position RMS, m", "position_rmse_m"),
-    ("velocity RMS, m/s", "velocity_rmse_mps"),
-    ("energy score of attitude, deg", "attitude_energy_score_deg"),
-)
 
 
 def flights_report(comparison: FlightsComparison) -> Report:
     """Return the report of several flights."""
     methods = list(comparison.methods)
-    seed = paragraph(
-        f"Bootstrap of flights: 2000 resamples, seed {BOOTSTRAP_SEED:#x}. No method here draws "
-        "random numbers."
+    seed = f"Bootstrap of flights: 2000 resamples, seed {BOOTSTRAP_SEED:#x}."
+    parts = (
+        ("summary", "Summary", summary(comparison)),
+        ("paired", f"Against {methods[0]}, flight by flight", paired(comparison)),
+        ("consistency", "Consistency", innovations(comparison)),
+        ("flights", "Every flight", _charts(comparison) + _per_flight(comparison)),
+        ("failures", "Failures", paragraph(*remarks(comparison))),
+        (
+            "versions",
+            "Versions and seeds",
+            paragraph(f"{seed} No method here draws random numbers.") + versions(),
+        ),
     )
-    parts = [
-        Part(name=name, title=title, blocks=blocks)
-        for name, title, blocks in (
-            ("summary", "Summary", _pooled(comparison) + _angles_and_counts(comparison)),
-            ("paired", f"Against {methods[0]}, flight by flight", _paired(comparison)),
-            ("consistency", "Consistency", _innovations(comparison)),
-            ("flights", "Every flight", _charts(comparison) + _per_flight(comparison)),
-            ("failures", "Failures", paragraph(*failure_lines(comparison))),
-            ("versions", "Versions and seeds", seed + versions()),
-        )
-        if blocks
+    return report(f"{len(comparison.flights)} flights: {', '.join(methods)}", methods, parts)
+
+
+def on_screen(comparison: FlightsComparison) -> Blocks:
+    """Return what a terminal shows of several flights."""
+    rows = [
+        [one.flight, *(_of(one.figures, m, "attitude_rmse_deg") for m in comparison.methods)]
+        for one in comparison.flights
     ]
-    title = f"{len(comparison.flights)} flights: {', '.join(methods)}"
-    return Report(title=title, methods=methods, parts=parts)
+    caption = f"{len(rows)} flights: attitude RMS errors, deg"
+    errors = table(["flight", *comparison.methods], rows, caption)
+    return errors + summary(comparison) + paired(comparison) + paragraph(*remarks(comparison))
 
 
-def _pooled(comparison: FlightsComparison) -> Blocks:
-    caption = (
-        "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % by "
-        "bootstrap of flights."
-    )
-    return table(["method", *_HEADS], pooled_rows(comparison), caption)
-
-
-def _angles_and_counts(comparison: FlightsComparison) -> Blocks:
-    caption = "RMS over flights by angle, and the least that any unbiased estimate has"
-    bounds = (
-        "A smoother looks at more than one epoch; the bound of the flight is for motions drawn "
-        "from the prior, and an estimate of one of them may lie below."
-    )
+def summary(comparison: FlightsComparison) -> Blocks:
+    """Return pooled figures, errors by angle beside their bounds, and integers."""
+    pooled = [
+        [method, *(interval(comparison.pooled(name, method)) for name in _SUMMARY.values())]
+        for method in comparison.methods
+    ]
     return (
-        table(ANGLE_HEADS, angle_rows(comparison), caption)
-        + paragraph(bounds)
-        + table(COUNT_HEADS, count_rows(comparison), "links over all flights; mean time of one")
+        table(
+            ["method", *_SUMMARY],
+            pooled,
+            "Over flights: root mean square of RMS figures, mean of others, with intervals of 95 % "
+            "by bootstrap of flights.",
+        )
+        + table(
+            ["method or bound", *(f"{angle}, deg RMS" for angle in EULER)],
+            _angle_rows(comparison),
+            "RMS over flights by angle, and the least that any unbiased estimate has. A smoother "
+            "looks at more than one epoch; the bound of the flight is for motions drawn from the "
+            "prior, and an estimate of one of them may lie below.",
+        )
+        + table(
+            ["method", *(f"integers {kind}" for kind in _COUNTS), "time, s"],
+            _count_rows(comparison),
+            "links over all flights; mean time of one",
+        )
     )
 
 
-def _innovations(comparison: FlightsComparison) -> Blocks:
-    heads = ["method", "measurement", "freedom", "NIS", "low", "high", "in the band"]
+def _angle_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield each method's RMS errors of roll, pitch and yaw, then the bounds, RMS over flights."""
+    for method in comparison.methods:
+        pooled = (comparison.pooled(f"{angle}_rmse_deg", method) for angle in EULER)
+        yield [method, *map(interval, pooled)]
+    for kind, name in _BOUNDS.items():
+        values = [comparison.bound_deg(kind, angle) for angle in EULER]
+        finite = [bound[np.isfinite(bound)] for bound in values]
+        if any(map(len, finite)):
+            yield [name, *map(significant, map(rms, finite))]
+
+
+def _count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
+    """Yield each method's integers right, wrong and refused, summed over flights, and its time."""
+    for method in comparison.methods:
+        counts = [comparison.figure(f"integers_{kind}", method) for kind in _COUNTS]
+        seconds = [one.seconds[method] for one in comparison.flights if method in one.seconds]
+        sums = [f"{np.nansum(n):.0f}" if np.isfinite(n).any() else NONE for n in counts]
+        yield [method, *sums, significant(float(np.mean(seconds)) if seconds else None)]
+
+
+def paired(comparison: FlightsComparison) -> Blocks:
+    """Return what each method gains against the first one, flight by flight."""
+    rows = []
+    for name in PAIRED:
+        for method in comparison.methods[1:]:
+            pair = comparison.paired(name, method)
+            figures = [interval(pair.difference), interval(pair.ratio), significant(pair.p_value)]
+            mark = "*" if pair.is_significant else ""
+            if pair.flights:
+                rows.append([FIGURES[name].title, method, str(pair.flights), *figures, mark])
     caption = (
-        "Normalised innovations squared by degree of freedom, over all flights, with the band that "
-        "holds 95 % of means of independent innovations. NEES with its interval is in the summary."
+        f"Less {comparison.methods[0]!r}, flight by flight, on flights that both have; a ratio "
+        "below 1 is better. * where both the interval of the ratio and the test exclude chance at "
+        "5 %."
     )
-    return table(heads, innovation_rows(comparison), caption)
-
-
-def _paired(comparison: FlightsComparison) -> Blocks:
     heads = ["figure", "method", "flights", "difference", "ratio", "Wilcoxon p", "significant"]
-    caption = (
-        "Figures of each method less those of the first, on flights that both have; a ratio below "
-        "1 is better. * where both the interval of the ratio and the test exclude chance at 5 %."
-    )
-    return table(heads, paired_rows(comparison), caption)
+    return table(heads, rows, caption)
+
+
+def innovations(comparison: FlightsComparison) -> Blocks:
+    """Return NIS by kind of measurement with its band of 95 %."""
+    rows = [
+        [method, kind, str(freedom), *nis_cells(nis, freedom)]
+        for method in comparison.methods
+        for kind, (nis, freedom) in comparison.innovations(method).items()
+    ]
+    caption = f"{NIS_CAPTION} Over all flights; NEES with its interval is in the summary."
+    return table(["method", "measurement", "freedom", *NIS_HEADS], rows, caption)
+
+
+def remarks(comparison: FlightsComparison) -> Iterator[str]:
+    """Yield whose truth is an estimate itself, and why a flight or a method has no figures."""
+    against = [f.flight for f in comparison.flights if f.detail.get("judged_by") == "reference"]
+    if against:
+        more = f" and {len(against) - 3} more" if len(against) > 3 else ""
+        named = ", ".join(against[:3]) + more
+        yield f"errors and NEES of {named} are against a reference that is an estimate itself"
+    for one in comparison.flights:
+        if one.failure is not None:
+            yield f"{one.flight}: not compared: {one.failure}"
+        for method, why in one.failures.items():
+            yield f"{one.flight}: {method}: no solution: {why}"
 
 
 def _per_flight(comparison: FlightsComparison) -> Blocks:
-    heads = ["flight", "method", *_HEADS, "time, s"]
     rows = [
         [
             one.flight,
             method,
-            *(number(figures.get(name, np.nan)) for _, _, name in SUMMARY),
-            number(one.seconds.get(method, np.nan)),
+            *(_of(one.figures, method, name) for name in _SUMMARY.values()),
+            significant(one.seconds.get(method)),
         ]
         for one in comparison.flights
-        for method, figures in one.figures.items()
+        for method in one.figures
     ]
-    return table(heads, rows)
+    return table(["flight", "method", *_SUMMARY, "time, s"], rows)
+
+
+def _of(figures: Mapping[str, Mapping[str, float]], method: str, name: str) -> str:
+    return significant(figures.get(method, {}).get(name))
 
 
 def _charts(comparison: FlightsComparison) -> Blocks:
     """Return a dot for each flight and method, in the order of the flights."""
-    marks = method_marks(list(comparison.methods))
     place = np.arange(1.0, len(comparison.flights) + 1)
     charts = []
-    for title, name in _CHARTS:
+    for name in PAIRED:
+        title = FIGURES[name].title
         values = {method: comparison.figure(name, method) for method in comparison.methods}
         positive = {method: v for method, v in values.items() if (v > 0).any()}
-        if not positive:
-            continue
-        beside = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else np.zeros(1)
+        shifts = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else [0.0]
         lines = [
-            Line(mark=marks[m], name=m, x=place + shift, y=log10(v), dots=True)
-            for (m, v), shift in zip(positive.items(), beside.tolist(), strict=True)
+            Line(method, place + shift, v, dots=True)
+            for (method, v), shift in zip(positive.items(), shifts, strict=False)
         ]
-        charts.append(
-            Chart(
-                title=title,
-                x=Axis(name="flight", low=0.5, high=len(place) + 0.5),
-                y=decades(title.rpartition(", ")[2], [line.y for line in lines], margin=0.15),
-                lines=lines,
-            ).drawing()
-        )
+        limits = (0.5, len(place) + 0.5)
+        unit = title.rpartition(", ")[2]
+        if lines:
+            charts.append(Chart(title, unit, lines, "flight", x_limits=limits, log="y"))
     return grid(charts)

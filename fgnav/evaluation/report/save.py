@@ -1,21 +1,27 @@
 """A report as a file: a page of HTML, a PDF or pictures, by the suffix of the file's name."""
 
-from importlib.util import find_spec
+import json
+from glob import escape
+from importlib.resources import files
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison
 from fgnav.evaluation.flights import FlightsComparison
-from fgnav.evaluation.report.blocks import Report
+from fgnav.evaluation.report.charts import Chart, styles_of
 from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.flights import flights_report
-from fgnav.evaluation.report.html.page import save_page
-from fgnav.io.atomic_write import check_place
+from fgnav.evaluation.report.parts import Report
+from fgnav.io.atomic_write import atomic_file, check_place, write_text
 from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
-_PAGE, _PDF, _PICTURES = ".html", ".pdf", ".png"
 _DRAWN = "dispersions.json"  # of the simulator: says the seed
+_SHEET, _PICTURE = 595.3, 6000.0  # heights, points; pictures end below what they show
+_DOTS = 200  # of an inch of a PNG
+_OURS, _HEAD = "a report of fgnav", 400  # said within the first bytes of each picture
 
 
 def check_report(path: Path | None) -> None:
@@ -24,18 +30,15 @@ def check_report(path: Path | None) -> None:
     Raises
     ------
     BadInputError
-        If its suffix is of no format, its folder is absent, or what draws is not installed.
+        If its suffix is of no format, or its folder is absent.
     """
     if path is None:
         return
-    suffix = path.suffix.lower()
-    if suffix not in (_PAGE, _PDF, _PICTURES):
+    if path.suffix.lower() not in (".html", ".pdf", ".png"):
         raise BadInputError(
             f"{path}: a report is HTML, PNG or PDF; end its name in .html, .png or .pdf"
         )
     check_place(path)
-    if suffix != _PAGE and find_spec("matplotlib") is None:
-        raise BadInputError(f"{path}: a figure needs matplotlib; pip install 'fgnav[report]'")
 
 
 def save_report(
@@ -48,8 +51,7 @@ def save_report(
     flight : Flight
         The one compared.
     path : Path or None
-        One file, but pictures are many: the summary is ``report.png``, and each other part has its
-        name added, ``report-errors.png``.
+        Pictures are many: ``report.png`` is the summary, ``report-errors.png`` another part.
     place : Path, optional
         Where the flight was read from: the report quotes its ``flight.toml``.
 
@@ -58,56 +60,87 @@ def save_report(
     BadInputError
         As ``check_report``, or if no method has an estimate.
     """
-    check_report(path)
     if path is None:
         return []
     if not comparison.solved:
         raise BadInputError(f"{path}: no method has an estimate to report")
     toml = None if place is None else files_of(place)[0]
-    source = "" if toml is None else _text(toml)
+    source = "" if toml is None else toml.read_text(encoding="utf-8")
     seed = None if toml is None else _seed(toml.with_name(_DRAWN))
     return write(comparison_report(comparison, flight, seed=seed, source=source), path)
 
 
 def save_flights_report(comparison: FlightsComparison, path: Path | None) -> list[Path]:
     """Write the report of several flights, as ``save_report``."""
-    check_report(path)
     return [] if path is None else write(flights_report(comparison), path)
 
 
 def write(report: Report, path: Path) -> list[Path]:
-    """Write a report in the format that the name of its file says; return its files.
-
-    Raises
-    ------
-    BadInputError
-        As ``check_report``.
-    """
+    """Write a report in the format that the name of its file says; return its files."""
     check_report(path)
-    if path.suffix.lower() == _PAGE:
-        save_page(report, path)
-        return [path]
-    from fgnav.evaluation.report.paper.save import save_pdf, save_pngs  # noqa: PLC0415  # matplotlib
-
-    if path.suffix.lower() == _PICTURES:
-        return save_pngs(report, path)
-    save_pdf(report, path)
+    match path.suffix.lower():
+        case ".html":
+            write_text(path, page(report))
+        case ".pdf":
+            _save_pdf(report, path)
+        case _:
+            return _save_pngs(report, path)
     return [path]
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):  # gone meanwhile: it was read once
-        return ""
+def page(report: Report) -> str:
+    """Return a report as one page that loads nothing; each method has a box that hides it."""
+    from jinja2 import Environment, StrictUndefined  # noqa: PLC0415  # lazy
+    from markupsafe import Markup  # noqa: PLC0415
+
+    from fgnav.evaluation.report.render import DARK, page_colour, svg  # noqa: PLC0415
+
+    styles, salts = styles_of(report.methods), count()
+    source = files("fgnav.evaluation.report") / "page.html.j2"
+    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(
+        source.read_text(encoding="utf-8")
+    )
+
+    def drawn(chart: Chart) -> Markup:
+        return Markup(svg(chart, styles, f"f{next(salts)}"))  # escaped in there
+
+    return template.render(report=report, styles=styles, dark=DARK, svg=drawn, colour=page_colour)
+
+
+def _save_pdf(report: Report, path: Path) -> None:
+    """Write all sheets into one file; the same report gives the same bytes."""
+    from matplotlib.backends.backend_pdf import PdfPages  # noqa: PLC0415  # lazy
+
+    from fgnav.evaluation.report.render import sheets  # noqa: PLC0415
+
+    metadata: dict[str, Any] = {"Title": report.title, "CreationDate": None, "Creator": "fgnav"}
+    with atomic_file(path) as unfinished, PdfPages(unfinished, metadata=metadata) as pdf:
+        for part in report.parts:
+            for sheet in sheets(report, part, _SHEET, cut=False):
+                pdf.savefig(sheet)
+
+
+def _save_pngs(report: Report, path: Path) -> list[Path]:
+    """Write a picture of each part; return their paths. Those of an earlier report are removed."""
+    from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
+
+    written = []
+    for place, part in enumerate(report.parts):
+        for number, sheet in enumerate(sheets(report, part, _PICTURE, cut=True), 1):
+            name = (f"-{part.name}" if place else "") + (f"-{number}" if number > 1 else "")
+            written.append(path.with_name(f"{path.stem}{name}{path.suffix}"))
+            with atomic_file(written[-1]) as unfinished:
+                sheet.savefig(unfinished, format="png", dpi=_DOTS, metadata={"Software": _OURS})
+    for earlier in set(path.parent.glob(f"{escape(path.stem)}-*{path.suffix}")) - set(written):
+        if _OURS.encode() in earlier.read_bytes()[:_HEAD]:
+            earlier.unlink()
+    return written
 
 
 def _seed(drawn: Path) -> int | None:
     """Return the seed that the simulator wrote beside a flight, if it did."""
-    import json  # noqa: PLC0415  # only here
-
     try:
-        seed = json.loads(_text(drawn)).get("seed")
-    except (ValueError, AttributeError):
+        seed = json.loads(drawn.read_text(encoding="utf-8"))["seed"]
+    except (OSError, ValueError, KeyError, TypeError):
         return None
     return seed if isinstance(seed, int) else None

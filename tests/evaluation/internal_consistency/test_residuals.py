@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from fgnav.evaluation.internal_consistency.residuals import (
+    antenna_residuals,
     array_phase_residuals,
-    code_residuals,
-    phase_residuals,
 )
 from fgnav.geometry import rotations
 from fgnav.gnss.undifferenced import Undifferenced
@@ -68,8 +67,8 @@ def observed(estimate):
 
 
 def test_right_positions_leave_nothing_of_code_and_phase(estimate, observed):
-    for residuals in (code_residuals, phase_residuals):
-        left = residuals(observed, estimate, ARM_B_M)
+    for of_phase in (False, True):
+        left = antenna_residuals(observed, estimate, ARM_B_M, of_phase=of_phase)
         assert np.abs(left.value_m).max() < 1e-6
         assert left.channels[0] == "G00 1575"
         assert len(left.t_s) == N
@@ -79,22 +78,23 @@ def test_an_error_of_one_satellite_stands_in_its_row(estimate, observed):
     error_m = np.zeros(M)
     error_m[4] = 2.0
     wrong = replace(observed, code_m=observed.code_m + error_m)
-    left = code_residuals(wrong, estimate, ARM_B_M)
+    left = antenna_residuals(wrong, estimate, ARM_B_M, of_phase=False)
     np.testing.assert_allclose(left.value_m, np.tile(mean_free(error_m), (N, 1)), atol=1e-6)
 
 
 def test_a_constant_of_an_arc_is_its_ambiguity_and_a_drift_is_not(estimate, observed):
     drift_m = np.zeros((N, M))
     drift_m[:, 5] = np.linspace(-1, 1, N)
-    left = phase_residuals(replace(observed, phase_m=observed.phase_m + drift_m), estimate, ARM_B_M)
+    drifting = replace(observed, phase_m=observed.phase_m + drift_m)
+    left = antenna_residuals(drifting, estimate, ARM_B_M, of_phase=True)
     # All arcs but that of the slip last throughout: what it takes of the drift is theirs to share.
     assert left.value_m[:, 5].std() > 0.8 * drift_m[:, 5].std()
     assert np.abs(np.delete(left.value_m, 5, axis=1)).max() < 0.2
 
 
 def test_without_positions_there_are_no_residuals_of_one_antenna(estimate, observed):
-    assert code_residuals(observed, replace(estimate, p_n_m=None), ARM_B_M) is None
-    assert phase_residuals(observed, replace(estimate, p_n_m=None), ARM_B_M) is None
+    nowhere = replace(estimate, p_n_m=None)
+    assert antenna_residuals(observed, nowhere, ARM_B_M, of_phase=False) is None
 
 
 def test_a_right_attitude_leaves_nothing_of_the_array_and_a_wrong_satellite_shows(

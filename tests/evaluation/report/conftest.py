@@ -14,10 +14,16 @@ from fgnav_sim.simulate import simulate
 
 
 @pytest.fixture(scope="package")
-def flown_report():
-    """Return the report of two methods on two seconds of a simulated array."""
+def flown():
+    """Return a flight of two seconds through an array, and two methods' comparison on it."""
     demo = load_scenario("demo")
     flight = simulate(msgspec.structs.replace(demo, duration_s=2.0), np.random.default_rng(1))
     resolver = resolver_named("lambda")
-    comparison = compare(flight, [MaximumLikelihood(resolver=resolver), Rtk()])
+    return flight, compare(flight, [MaximumLikelihood(resolver=resolver), Rtk()])
+
+
+@pytest.fixture(scope="package")
+def flown_report(flown):
+    """Return the report of that flight."""
+    flight, comparison = flown
     return comparison_report(comparison, flight, seed=17, source='name = "<demo>"')

@@ -1,200 +1,187 @@
-"""Whether stated covariances are honest: innovations and errors against their chi-square bands."""
+"""Whether stated covariances are honest: innovations, errors, and a filter against smoothers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.special import bdtrik, chdtri
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.blocks import Blocks, folded, grid, number, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line, nested, spanning
+from fgnav.evaluation.internal_consistency.filter_smoother import Separation, separations
+from fgnav.evaluation.report.charts import TRUTH, Chart, Line, Span, time_charts
+from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
+from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN
 
 _FREEDOM = 3
 _TAILS = np.array([0.975, 0.025])  # of probability above the two ends of a band of 95 %
-_BINS = 40  # of a histogram
 _FIELDS = (("attitude", "nees"), ("position", "position_nees"), ("velocity", "velocity_nees"))
+_DECILES = (
+    "Ten per cent in each decile where the noise is what it is stated to be: more at the right, "
+    "noise is larger; at the left, smaller; at both ends, outliers or a mixture."
+)
+NIS_HEADS = ["NIS", "low", "high", "in the band"]
+NIS_CAPTION = (
+    "Normalised innovations squared by degree of freedom; 1 is expected. The band holds 95 % of "
+    "means of independent innovations."
+)
+_FILTER, _SMOOTHERS = "forward", ("smoother", "batch")
+_SIGMAS = 3.0
+_SHOWN = 8.0  # sigma: what leaves the axis is in the table
+_UNITS = {
+    "attitude": ("deg", 180 / np.pi, ("about x", "about y", "about z")),
+    "position": ("m", 1.0, NORTH_EAST_DOWN),
+    "velocity": ("m/s", 1.0, NORTH_EAST_DOWN),
+}
+_EXPLANATION = (
+    "What later measurements changed: the estimate by the past alone less the smoothed one, over "
+    "the root of the difference of their covariances. Two honest passes stay within 3. No method "
+    "here runs backward in time: instead of the separation of forward and backward passes stands "
+    "this one, of the same information."
+)
+_MISSING = (
+    "Not compared: this needs the methods forward and smoother (or batch), both with their "
+    "covariances. Add them to --method."
+)
 
 
-def consistency_parts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
-    """Return tables and diagrams of NIS and NEES; empty where no method states a covariance."""
+def consistency_blocks(methods: Sequence[Method], time: Span) -> Blocks:
+    """Return tables and figures of NIS and NEES; empty where no method states a covariance."""
+    rows = [
+        [
+            *(method.name, one.what, str(one.count), *nis_cells(one.nis, one.freedom)),
+            f"{100 * one.beyond_99:.2f} %",
+        ]
+        for method in methods
+        for one in method.score.consistency
+        if one.freedom
+    ]
+    heads = ["method", "measurement", "tested", *NIS_HEADS, "beyond 99 %"]
     return (
-        _innovations(methods)
-        + _innovation_histograms(methods, marks)
-        + _normalised_errors(methods, marks, time)
+        table(heads, rows, f"{NIS_CAPTION} 1 % are expected beyond the gate.")
+        + _innovation_histograms(methods)
+        + _normalised_errors(methods, time)
     )
 
 
-def _innovations(methods: Sequence[Method]) -> Blocks:
-    """Return a row for each method and kind of measurement, with the band of its mean."""
-    rows = []
+def nis_cells(nis: float, freedom: int) -> list[str]:
+    """Return normalised innovations squared with their band of 95 %."""
+    low, high = (chdtri(freedom, _TAILS) / freedom).tolist()
+    inside = "yes" if low <= nis <= high else "above" if nis > high else "below"
+    return [number(nis), number(low), number(high), inside]
+
+
+def _innovation_histograms(methods: Sequence[Method]) -> Blocks:
+    """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
+    by_kind: dict[str, dict[str, FloatArray]] = {}
     for method in methods:
         for one in method.score.consistency:
-            if not one.freedom:
-                continue
-            low, high = chdtri(one.freedom, _TAILS) / one.freedom
-            inside = "yes" if low <= one.nis <= high else "above" if one.nis > high else "below"
-            rows.append(
-                [
-                    method.name,
-                    one.what,
-                    str(one.count),
-                    number(one.nis),
-                    number(float(low)),
-                    number(float(high)),
-                    inside,
-                    f"{100 * one.beyond_99:.2f} %",
-                ]
-            )
-    heads = ["method", "measurement", "tested", "NIS", "low", "high", "in the band", "beyond 99 %"]
-    caption = (
-        "Normalised innovations squared by degree of freedom; 1 is expected. The band holds "
-        "95 % of means of independent innovations; 1 % are expected beyond the gate."
-    )
-    return table(heads, rows, caption)
-
-
-def _innovation_histograms(methods: Sequence[Method], marks: dict[str, str]) -> Blocks:
-    """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
-    kinds = dict.fromkeys(
-        one.what for m in methods for one in m.score.consistency if any(one.deciles)
-    )
+            if any(one.deciles):
+                by_kind.setdefault(one.what, {})[method.name] = np.array(one.deciles, dtype=float)
     charts = []
-    edges = np.repeat(np.arange(11) / 10, 2)[1:-1]
-    for kind in kinds:
-        of = {
-            m.name: np.array(one.deciles)
-            for m in methods
-            for one in m.score.consistency
-            if one.what == kind and any(one.deciles)
-        }
+    for kind, of in by_kind.items():
         count = max(int(counts.sum()) for counts in of.values())
-        ends = np.ceil(bdtrik(1 - _TAILS, count, 0.1)) / count
-        low, high = (100 * ends).tolist()
-        lines = [
-            Line(
-                mark=marks[name],
-                name=name,
-                x=edges,
-                y=np.repeat(100 * counts / counts.sum(), 2),
-                as_is=True,
-                width=width,
-            )
-            for (name, counts), width in zip(of.items(), nested(len(of)).tolist(), strict=True)
-        ]
-        most = max([15.0, high, *(float(line.y.max()) for line in lines)])
+        low, high = (100 * np.ceil(bdtrik(1 - _TAILS, count, 0.1)) / count).tolist()
+        edges = np.repeat(np.arange(11) / 10, 2)[1:-1]
+        shares = {name: np.repeat(100 * counts / counts.sum(), 2) for name, counts in of.items()}
+        most = max([15.0, high, *(float(share.max()) for share in shares.values())])
         charts.append(
             Chart(
-                title=f"NIS of {kind}: share by decile of chi-square",
-                x=Axis(name="probability of less", low=0.0, high=1.0),
-                y=Axis(name="share, %", low=0.0, high=1.05 * most),
-                lines=lines,
+                f"NIS of {kind}: share by decile of chi-square",
+                "share, %",
+                [Line(name, edges, share) for name, share in shares.items()],
+                "probability of less",
+                x_limits=(0.0, 1.0),
+                y_limits=(0.0, 1.05 * most),
                 rules={low: "", high: f"95 % of {count} independent"},
-            ).drawing()
-        )
-    explanation = paragraph(
-        "Ten per cent in each decile where the noise is what it is stated to be: more at the "
-        "right, noise is larger; at the left, smaller; at both ends, outliers or a mixture."
-    )
-    return folded("histograms of NIS", explanation + grid(charts)) if charts else []
-
-
-def _normalised_errors(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
-    low, high = chdtri(_FREEDOM, _TAILS).tolist()
-    charts, histograms, rows = [], [], []
-    for quantity, field in _FIELDS:
-        of = {
-            m.name: (m.errors.t_s, values)
-            for m in methods
-            if m.errors is not None
-            and (values := getattr(m.errors, field)) is not None
-            and np.isfinite(values).any()
-        }
-        if not of:
-            continue
-        charts.append(_in_time(quantity, of, marks, time, (low, high)).drawing())
-        histograms.append(_histogram(quantity, of, marks).drawing())
-        for name, (_, values) in of.items():
-            finite = values[np.isfinite(values)]
-            inside = float(((finite >= low) & (finite <= high)).mean())
-            rows.append(
-                [
-                    name,
-                    quantity,
-                    str(len(finite)),
-                    number(float(finite.mean()), 2),
-                    f"{100 * inside:.1f} %",
-                ]
             )
-    if not rows:
-        return []
+        )
+    return folded("histograms of NIS", paragraph(_DECILES) + grid(charts) if charts else [])
+
+
+def _normalised_errors(methods: Sequence[Method], time: Span) -> Blocks:
+    """Return NEES in time and as histograms, and their means."""
+    low, high = chdtri(_FREEDOM, _TAILS).tolist()
+    series, rows = [], []
+    for quantity, field in _FIELDS:
+        for method in methods:
+            nees = getattr(method.errors, field, None)
+            if method.errors is None or nees is None or not np.isfinite(nees).any():
+                continue
+            line = Line(method.name, method.errors.t_s, nees, dots=True)
+            series.append((f"NEES of {quantity}, 3 degrees of freedom", "NEES", line))
+            finite = nees[np.isfinite(nees)]
+            inside = f"{100 * float(((finite >= low) & (finite <= high)).mean()):.1f} %"
+            mean = number(float(finite.mean()), 2)
+            rows.append([method.name, quantity, str(len(finite)), mean, inside])
+    charts = time_charts(series, time, _decades, log="y", rules={low: "2.5 %", high: "97.5 %"})
     caption = (
         f"Normalised errors squared; 3 is expected, and 95 % between {low:.2f} and {high:.2f}. "
         "Errors of neighbouring epochs are alike in a smoother: one flight says little of the "
         "mean."
     )
-    heads = ["method", "state", "epochs", "mean NEES", "in the band"]
+    explanation = "Density of NEES by its logarithm; dashed: chi-square, three degrees."
+    histograms = grid(map(_histogram, charts))
     return (
-        table(heads, rows, caption)
+        table(["method", "state", "epochs", "mean NEES", "in the band"], rows, caption)
         + grid(charts)
-        + folded(
-            "histograms of NEES",
-            paragraph("Density of NEES by its logarithm; dashed: chi-square, three degrees.")
-            + grid(histograms),
-        )
+        + folded("histograms of NEES", paragraph(explanation) + histograms if rows else [])
     )
 
 
-def _in_time(
-    quantity: str,
-    of: dict[str, tuple[FloatArray, FloatArray]],
-    marks: dict[str, str],
-    time: Axis,
-    band: tuple[float, float],
-) -> Chart:
-    lines = [
-        Line(mark=marks[name], name=name, x=t_s, y=_log10(values), dots=True)
-        for name, (t_s, values) in of.items()
-    ]
-    low, high = np.log10(band).tolist()
-    ends = [np.array([-2.0, high + 0.3]), *(_ends(line.y) for line in lines)]
-    y = spanning(f"NEES of {quantity}", ends)
-    return Chart(
-        title=f"NEES of {quantity}, 3 degrees of freedom",
-        x=time,
-        y=Axis(name=y.name, low=y.low, high=y.high, log=True),
-        lines=lines,
-        rules={low: "2.5 %", high: "97.5 %"},
-    )
+def _decades(lines: Sequence[Line]) -> Span:
+    """Return what most of NEES lies between, and its band."""
+    ends = [end for line in lines for end in np.nanpercentile(line.y, [0.5, 99.5]).tolist()]
+    return max(min(0.01, *ends), 1e-3), max(20.0, *ends)
 
 
-def _histogram(
-    quantity: str, of: dict[str, tuple[FloatArray, FloatArray]], marks: dict[str, str]
-) -> Chart:
+def _histogram(in_time: Chart) -> Chart:
     """Return densities of the logarithm, which shows both tails."""
-    edges = np.linspace(-2.0, 3.0, _BINS + 1)
-    middle = (edges[:-1] + edges[1:]) / 2
+    edges = np.linspace(-2.0, 3.0, 41)
+    nees = 10 ** ((edges[:-1] + edges[1:]) / 2)
     lines = []
-    for name, (_, values) in of.items():
-        finite = _log10(values[np.isfinite(values)]).clip(edges[0], edges[-1])
-        density = np.histogram(finite, edges)[0] / len(finite) / np.diff(edges)
-        lines.append(Line(mark=marks[name], name=name, x=middle, y=density, as_is=True))
-    nees = 10**middle
+    for line in in_time.lines:
+        logs = np.log10(line.y[np.isfinite(line.y)].clip(10 ** edges[0], 10 ** edges[-1]))
+        density = np.histogram(logs, edges)[0] / len(logs) / np.diff(edges)
+        lines.append(Line(line.style, nees, density))
     density = np.sqrt(nees / (2 * np.pi)) * np.exp(-nees / 2)  # of chi-square, three degrees
-    expected = density * nees * np.log(10)
-    lines.append(Line(mark="truth", name="chi-square", x=middle, y=expected, as_is=True))
-    return Chart(
-        title=f"NEES of {quantity}",
-        x=Axis(name="NEES", low=-2.0, high=3.0, log=True),
-        y=spanning("density of log10", [line.y for line in lines]),
-        lines=lines,
-    )
+    lines.append(Line(TRUTH, nees, density * nees * np.log(10), "chi-square"))
+    return Chart(in_time.title, "density of log10", lines, "NEES", log="x")
 
 
-def _log10(values: FloatArray) -> FloatArray:
-    return np.asarray(np.log10(np.maximum(values, 1e-3)))
+def separation_blocks(methods: Sequence[Method], time: Span) -> Blocks:
+    """Return figures and a table of a filter less smoothers; a sentence where one is missing."""
+    series, rows = [], []
+    for name, apart in _pairs(methods):
+        unit, scale, axes = _UNITS[apart.quantity]
+        for k, axis in enumerate(axes):
+            line = Line(name, apart.t_s, apart.ratio[:, k], f"forward less {name}")
+            title = f"{apart.quantity} {axis}: forward less smoothed, over its σ"
+            series.append((title, "difference / σ", line))
+            rows.append([name, apart.quantity, axis, *_cells(apart, k, unit, scale)])
+    rules = {_SIGMAS: "3σ", -_SIGMAS: "-3σ"}
+    charts = time_charts(series, time, lambda _: (-_SHOWN, _SHOWN), rules=rules)
+    heads = ["forward less", "state", "axis", "RMS", "RMS / σ", "within 3σ", "no σ"]
+    caption = "99.7 % are expected within 3σ; no σ: epochs of which the smoother states more"
+    figures = folded("filter against smoother in figures", table(heads, rows, caption))
+    return paragraph(_EXPLANATION) + grid(charts) + figures if charts else paragraph(_MISSING)
 
 
-def _ends(y: FloatArray) -> FloatArray:
-    """Return what most of a series lies between."""
-    return np.asarray(np.nanpercentile(y, [0.5, 99.5]))
+def _pairs(methods: Sequence[Method]) -> Iterator[tuple[str, Separation]]:
+    """Yield the separations of each smoother from the filter of the same measurements."""
+    for smoother in methods:
+        base, _, without = smoother.name.partition(" ")
+        name = " ".join([_FILTER, without]).strip()
+        forward = next((m.estimate for m in methods if m.name == name), None)
+        if base in _SMOOTHERS and forward is not None and smoother.estimate is not None:
+            for apart in separations(forward, smoother.estimate):
+                if np.isfinite(apart.ratio).any():
+                    yield smoother.name, apart
+
+
+def _cells(apart: Separation, k: int, unit: str, scale: float) -> list[str]:
+    ratio = apart.ratio[:, k]
+    finite = ratio[np.isfinite(ratio)]
+    rms = scale * float(np.sqrt(np.nanmean(apart.difference[:, k] ** 2)))
+    inside = f"{100 * float((np.abs(finite) < _SIGMAS).mean()):.1f} %" if len(finite) else "–"
+    normalised = number(float(np.sqrt((finite**2).mean())) if len(finite) else None)
+    return [f"{number(rms)} {unit}", normalised, inside, str(len(ratio) - len(finite))]

@@ -1,98 +1,46 @@
-"""Errors against the truth by axis: all methods together, then each beside its own 3-sigma band."""
+"""Errors against the truth with what methods state of them, and that alone over time."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.attitude.baseline_angles import baseline_angles, reported_baselines
+from fgnav.attitude.receiver_baselines import KNOWN_RAD
+from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.blocks import Blocks, folded, grid, paragraph
-from fgnav.evaluation.report.drawing.chart import Axis, Band, Chart, Line, nested
-from fgnav.evaluation.report.lines import is_rough, limit
-from fgnav.evaluation.scores import EULER, hidden
+from fgnav.evaluation.report.charts import Line, Series, Span, around_zero, is_rough, time_charts
+from fgnav.evaluation.report.parts import Blocks, folded, grid, paragraph, table
+from fgnav.evaluation.scores import EULER, hidden, open_heading_spans_s
+from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
 
 _SIGMAS = 3.0
-_NORTH_EAST_DOWN = ("north", "east", "down")
+NORTH_EAST_DOWN = ("north", "east", "down")
+_EXPLANATION = (
+    "Estimate minus truth. Shaded: three standard deviations as each method states them, around "
+    "zero. An axis holds what the middle method does; worse ones leave it. Lines of methods that "
+    "coincide are drawn thinner upon thicker ones."
+)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class AxisErrors:
-    """Errors of one method along one axis, (n,), with 1-sigma where the method states one."""
+class _Quantity(NamedTuple):
+    """Three components of the state, and where errors and estimates hold them."""
 
-    mark: str
-    method: str
-    t_s: FloatArray
-    error: FloatArray
-    sigma: FloatArray | None
-    rough: bool
+    name: str
+    unit: str
+    errors: str
+    covariance: str
+    components: Sequence[str] = NORTH_EAST_DOWN
 
 
-def error_charts(methods: Sequence[Method], marks: dict[str, str], time: Axis) -> Blocks:
-    """Return diagrams of attitude, position and velocity errors; empty without truth."""
-    blocks: Blocks = []
-    for quantity, axes, unit in (
-        ("attitude", EULER, "deg"),
-        ("position", _NORTH_EAST_DOWN, "m"),
-        ("velocity", _NORTH_EAST_DOWN, "m/s"),
-    ):
-        by_axis = [list(_of_axis(methods, marks, quantity, k)) for k in range(3)]
-        names = [
-            f"{axis} error" if quantity == "attitude" else f"{quantity} error {axis}"
-            for axis in axes
-        ]
-        blocks += grid(
-            _together(name, unit, errors, time).drawing()
-            for name, errors in zip(names, by_axis, strict=True)
-            if errors
-        )
-        blocks += _apart(quantity, names, unit, by_axis, time)
-    if not blocks:
-        return []
-    return (
-        paragraph(
-            "Estimate minus truth. Shaded: three standard deviations as each method states them, "
-            "around zero. An axis holds what the middle method does; worse ones leave it. Lines of "
-            "methods that coincide are drawn thinner upon thicker ones."
-        )
-        + blocks
-    )
-
-
-def _of_axis(
-    methods: Sequence[Method], marks: dict[str, str], quantity: str, k: int
-) -> Iterator[AxisErrors]:
-    """Yield the errors of each method that has any along an axis."""
-    for method in methods:
-        error, sigma = _errors_and_sigmas(method, quantity)
-        if error is None or method.errors is None or not np.isfinite(error[:, k]).any():
-            continue
-        yield AxisErrors(
-            mark=marks[method.name],
-            method=method.name,
-            t_s=method.errors.t_s,
-            error=error[:, k],
-            sigma=None if sigma is None else sigma[:, k],
-            rough=is_rough(error),
-        )
-
-
-def _errors_and_sigmas(
-    method: Method, quantity: str
-) -> tuple[FloatArray | None, FloatArray | None]:
-    """Return (n, 3) errors and standard deviations at the same epochs, in the unit shown."""
-    errors, estimate = method.errors, method.estimate
-    if errors is None or estimate is None or not len(errors.t_s):
-        return None, None
-    rows = common_epochs(estimate.t_s, errors.t_s)[0]
-    if quantity == "attitude":
-        return np.degrees(errors.euler_rad), _rows(estimate.sigma_deg, rows)
-    if quantity in hidden(estimate):
-        return None, None
-    if quantity == "position":
-        return errors.position_n_m, _rows(sigmas(estimate.position_covariance_m2), rows)
-    return errors.velocity_n_mps, _rows(sigmas(estimate.velocity_covariance_m2ps2), rows)
+_QUANTITIES = (
+    _Quantity("attitude", "deg", "euler_rad", "", EULER),
+    _Quantity("position", "m", "position_n_m", "position_covariance_m2"),
+    _Quantity("velocity", "m/s", "velocity_n_mps", "velocity_covariance_m2ps2"),
+)
 
 
 def sigmas(covariance: FloatArray | None) -> FloatArray | None:
@@ -102,56 +50,74 @@ def sigmas(covariance: FloatArray | None) -> FloatArray | None:
     return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)))
 
 
-def _rows(values: FloatArray | None, rows: IntArray) -> FloatArray | None:
-    return None if values is None else np.asarray(values[rows])
-
-
-def _together(name: str, unit: str, errors: list[AxisErrors], time: Axis) -> Chart:
-    """Return one diagram of all methods: the worst behind, the thinnest line before."""
-    behind = sorted(errors, key=lambda one: -float(np.nanmean(one.error**2)))
-    half = limit([one.error for one in errors])
-    smooth = [one.method for one in behind if not one.rough]
-    widths = dict(zip(smooth, nested(len(smooth)).tolist(), strict=True))
-    return Chart(
-        title=f"{name}, all methods",
-        x=time,
-        y=Axis(name=f"{name}, {unit}", low=-half, high=half),
-        lines=[_line(one, widths.get(one.method, 1.0)) for one in behind],
-    )
-
-
-def _apart(
-    quantity: str, names: list[str], unit: str, by_axis: list[list[AxisErrors]], time: Axis
-) -> Blocks:
-    """Return, to be opened, a row of diagrams for each method, each on a scale of its own."""
-    methods = dict.fromkeys(one.method for errors in by_axis for one in errors)
-    rows: Blocks = []
-    for method in methods:
-        charts = [
-            _alone(f"{method}: {name}", name, unit, one, time).drawing()
-            for name, errors in zip(names, by_axis, strict=True)
-            for one in errors
-            if one.method == method
+def error_charts(methods: Sequence[Method], time: Span) -> Blocks:
+    """Return errors of attitude, position and velocity; empty without truth."""
+    blocks: Blocks = []
+    for of in _QUANTITIES:
+        series = {method.name: list(_errors(method, of)) for method in methods}
+        together = [
+            (f"{title}, all methods", y, replace(line, half=None))
+            for by_component in series.values()
+            for title, y, line in by_component
         ]
-        rows += grid(charts)
-    return folded(f"{quantity}: each method with its own ±3σ", rows)
+        blocks += grid(time_charts(together, time, around_zero))
+        apart = []
+        for name, by_component in series.items():
+            named = ((f"{name}: {title}", y, line) for title, y, line in by_component)
+            apart += grid(time_charts(named, time, around_zero))
+        blocks += folded(f"{of.name}: each method with its own ±3σ", apart)
+    return paragraph(_EXPLANATION) + blocks if blocks else []
 
 
-def _alone(title: str, name: str, unit: str, one: AxisErrors, time: Axis) -> Chart:
-    half = limit([one.error])
-    bands = []
-    if one.sigma is not None:
-        band = _SIGMAS * one.sigma
-        half = max(half, limit([band]))
-        bands = [Band(mark=one.mark, name=f"±3σ of {one.method}", x=one.t_s, low=-band, high=band)]
-    return Chart(
-        title=title,
-        x=time,
-        y=Axis(name=f"{name}, {unit}", low=-half, high=half),
-        lines=[_line(one, 1.0)],
-        bands=bands,
+def _errors(method: Method, of: _Quantity) -> Series:
+    """Yield the errors of a method by component, with their bands."""
+    estimate, errors = method.estimate, method.errors
+    values = None if errors is None else getattr(errors, of.errors)
+    if estimate is None or errors is None or values is None or of.name in hidden(estimate):
+        return
+    scale = 1.0 if of.covariance else 180 / np.pi
+    sigma, rows = _stated(estimate, of), common_epochs(estimate.t_s, errors.t_s)[0]
+    for k, name in enumerate(of.components):
+        title = f"error of {f'{of.name} ' if of.covariance else ''}{name}"
+        half = None if sigma is None else _SIGMAS * sigma[rows, k]
+        line = Line(method.name, errors.t_s, scale * values[:, k], half=half, is_around_zero=True)
+        yield title, f"error, {of.unit}", replace(line, dots=is_rough(values))
+
+
+def _stated(estimate: Estimate, of: _Quantity) -> FloatArray | None:
+    """Return 1-sigma as stated, (n, 3), in the unit shown; NaN of what is unobservable."""
+    values = sigmas(getattr(estimate, of.covariance)) if of.covariance else estimate.sigma_deg
+    lost = [bool({of.name, name} & hidden(estimate)) for name in of.components]
+    return None if values is None else np.where(lost, np.nan, values)
+
+
+def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
+    """Return 1-sigma as stated, and a table of spans in which the heading is open."""
+    rows = [
+        [method.name, f"{a:.1f}", f"{b:.1f}", f"{b - a:.1f}"]
+        for method in methods
+        if method.estimate is not None
+        for a, b in open_heading_spans_s(method.estimate)
+    ]
+    series = (
+        (f"1σ of {name}", f"1σ, {unit}", Line(method.name, method.estimate.t_s, values))
+        for method in methods
+        if method.estimate is not None
+        for name, unit, values in _sigmas(flight, method.estimate)
     )
+    charts = time_charts(series, time, log="y")
+    caption = f"heading open: 1σ of yaw beyond {np.degrees(KNOWN_RAD):.0f} deg"
+    spans = table(["method", "from, s", "until, s", "length, s"], rows, caption)
+    return paragraph("1σ as each method states it.") + grid(charts) + spans if charts else []
 
 
-def _line(one: AxisErrors, width: float) -> Line:
-    return Line(mark=one.mark, name=one.method, x=one.t_s, y=one.error, dots=one.rough, width=width)
+def _sigmas(flight: Flight, estimate: Estimate) -> Iterator[tuple[str, str, FloatArray]]:
+    """Yield name, unit and 1-sigma, (n,), of what an estimate states."""
+    for of in _QUANTITIES:
+        if (values := _stated(estimate, of)) is not None:
+            for name, component in zip(of.components, values.T, strict=True):
+                yield f"{of.name} {name}" if of.covariance else name, of.unit, component
+    for name, unit_b in reported_baselines(flight).items():
+        if (sigma_rad := baseline_angles(estimate, unit_b).sigma_rad) is not None:
+            for angle, component in zip(("azimuth", "elevation"), sigma_rad.T, strict=True):
+                yield f"{angle}, {name}", "deg", np.degrees(component)

@@ -3,59 +3,19 @@
 import platform
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import distributions
 from typing import Any
 
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.report.blocks import NONE, Blocks, folded, number, paragraph, table
-from fgnav.evaluation.report.table import WHAT, remarks, score_table
-from fgnav.evaluation.scores import EULER, Angles
+from fgnav.evaluation.comparison import Method
+from fgnav.evaluation.report.parts import Blocks, folded, paragraph, table
 from fgnav.types.flight import Flight
 
-_MOST = 300  # rows of a table of exclusions
+_MOST = 300  # rows of a table
 _GAP = 1.5  # intervals: a longer step is a gap
-_ONE_FLIGHT = (
-    "Errors of neighbouring epochs are alike, so one flight cannot tell a better method from a "
-    "lucky one: name several flights, or a folder of them, for differences with their intervals."
-)
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
-
-
-def method_table(comparison: Comparison) -> Blocks:
-    """Return the table of the methods and their differences, and below it the bounds."""
-    heads, rows = score_table(comparison)
-    apart = "; below, RMS differences of methods" if comparison.differences else ""
-    columns = ["method", *(f"{name}, {unit}" for name, unit in heads)]
-    bounds = [
-        (f"Cramér-Rao bound of {what}", _angles(own))
-        for what, own in (
-            ("one epoch of phase", comparison.bound),
-            ("the whole flight, its motion drawn from the prior", comparison.posterior_bound),
-        )
-    ]
-    return (
-        table(columns, rows, f"{WHAT[comparison.judged_by]}{apart}, {comparison.epochs} epochs")
-        + [
-            block
-            for what, own in bounds
-            if own
-            for block in paragraph(f"{what}: {', '.join(own)}.")
-        ]
-        + (paragraph(_ONE_FLIGHT) if len(comparison.solved) > 1 else [])
-        + folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
-    )
-
-
-def _angles(bound: Angles) -> list[str]:
-    """Return what is bounded, in words."""
-    return [
-        f"{angle} {number(value)} deg"
-        for angle in EULER
-        if (value := getattr(bound, angle)) is not None
-    ]
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
@@ -72,38 +32,28 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
         for one in m.rejections
     ]
     lost = [
-        [owner, loss.what, str(loss.count), loss.reason]
-        for owner, losses in (
-            ("flight", flight.losses),
-            *((m.name, m.score.losses) for m in methods),
-        )
+        [of, loss.what, str(loss.count), loss.reason]
+        for of, losses in {
+            "flight": flight.losses,
+            **{m.name: m.score.losses for m in methods},
+        }.items()
         for loss in sorted(losses, key=lambda one: -one.count)
     ]
-    return _some(
-        ["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps of answers"
-    ) + _some(
-        ["method", "measurement", "link", "from, s", "until, s", "reason"],
-        excluded,
-        "contradicted the rest: mended or left out",
-    ) + folded(
-        f"{len(lost)} kinds of losses",
-        _some(["of", "what", "times", "reason"], lost, "measured and not used"),
+    by_link = ["method", "measurement", "link", "from, s", "until, s", "reason"]
+    losses = table(["of", "what", "times", "reason"], lost, "measured and not used", _MOST)
+    return (
+        table(["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps", _MOST)
+        + table(by_link, excluded, "contradicted the rest: mended or left out", _MOST)
+        + folded(f"{len(lost)} kinds of losses", losses)
     ) or paragraph("No gap, no exclusion, no loss.")
-
-
-def _some(heads: list[str], rows: list[list[str]], caption: str) -> Blocks:
-    """Return a table of the first rows, which says how many are not shown."""
-    more = len(rows) - _MOST
-    return table(heads, rows[:_MOST], caption + (f"; {more} more in --json" if more > 0 else ""))
 
 
 def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
     """Return where epochs have no answer: last before, first after."""
     steps_s = np.diff(t_s)
-    if not len(steps_s):
-        return []
-    at = np.flatnonzero(steps_s > _GAP * np.median(steps_s))
-    return [(float(t_s[k]), float(t_s[k + 1])) for k in at]
+    usual_s = np.median(steps_s) if len(steps_s) else np.inf
+    at = np.flatnonzero(steps_s > _GAP * usual_s)
+    return list(zip(t_s[at].tolist(), t_s[at + 1].tolist(), strict=True))
 
 
 def constants_table(methods: Sequence[Method]) -> Blocks:
@@ -127,9 +77,8 @@ def set_up(flight: Flight) -> Blocks:
         rows += _fields_of(name, getattr(flight, name))
     rows.append(["elevation mask", f"{np.degrees(flight.elevation_mask_rad):.1f} deg", ""])
     for antenna in flight.antennas:
-        rows.append(
-            [f"antenna {antenna.name}", f"{antenna.position_b_m.tolist()} m, body axes", ""]
-        )
+        place = f"{antenna.position_b_m.tolist()} m, body axes"
+        rows.append([f"antenna {antenna.name}", place, ""])
     if flight.observations is not None:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
@@ -146,18 +95,16 @@ def _fields_of(owner: str, record: Any) -> Iterator[list[str]]:  # noqa: ANN401 
     """Yield numbers and short vectors of a record by name."""
     if not is_dataclass(record):
         return
-    unstated = getattr(record, "unstated", ())
     for one in fields(record):
         value = getattr(record, one.name)
-        if isinstance(value, np.ndarray):
-            if value.shape != (3,):
-                continue
+        if isinstance(value, np.ndarray) and value.shape == (3,):
             text = str(value.tolist())
-        elif isinstance(value, (bool, int, float, str)):
+        elif isinstance(value, bool | int | float | str):
             text = f"{value:.9g}" if isinstance(value, float) else str(value)
         else:
             continue
-        remark = "not stated by the flight: the usual figure" if one.name in unstated else ""
+        is_usual = one.name in getattr(record, "unstated", ())
+        remark = "not stated by the flight: the usual figure" if is_usual else ""
         yield [f"{owner} {one.name}", text, remark]
 
 
@@ -171,9 +118,5 @@ def _series(t_s: FloatArray) -> str:
 def versions() -> Blocks:
     """Return who computed this."""
     rows = [["Python", platform.python_version()]]
-    for name in _PACKAGES:
-        try:
-            rows.append([name, version(name)])
-        except PackageNotFoundError:
-            rows.append([name, NONE])
+    rows += [[name, one.version] for name in _PACKAGES for one in distributions(name=name)]
     return table(["package", "version"], rows)

@@ -1,254 +1,139 @@
 """The flight itself: attitude, velocity, height and ground track, beside fixes and the truth."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.attitude.baseline_angles import azimuth_elevation, reported_baselines
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.report.blocks import Blocks, grid, paragraph
-from fgnav.evaluation.report.drawing.chart import (
-    BINS,
+from fgnav.evaluation.report.charts import (
+    FIXES,
     HEIGHT,
-    Axis,
-    Band,
+    TRUTH,
     Chart,
     Line,
-    nested,
-    on_one_scale,
+    Series,
+    Span,
     spanning,
+    time_charts,
+    unjumped_deg,
 )
-from fgnav.evaluation.report.drawing.shapes import TRUTH, Drawing
-from fgnav.evaluation.report.lines import every, unjumped_deg
-from fgnav.evaluation.report.sections.errors import sigmas
+from fgnav.evaluation.report.parts import Blocks, grid, paragraph
+from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN, sigmas
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.geometry.rotations import log, to_euler, transpose
-from fgnav.types.flight import Flight, Truth
+from fgnav.types.flight import Flight
 
 _TRACK = 2000  # points of a ground track
-_WRAPS = 0.3  # share of the bins of a line that an angle wraps in: more are drawn as dots
-_THICK, _THIN = 4.5, 1.6  # lines of methods, below the truth's
+_WRAPS = 150  # an angle that wraps more often is drawn as dots
 _SIGMAS = 3.0
-_FIXES = "refused"  # grey
+_ACCELEROMETER = "accelerometer_bias_mps2", "accelerometer_bias_covariance_m2ps4"
+_GYROSCOPE = "gyroscope_bias_radps", "gyroscope_bias_covariance_rad2ps2"
+_RATES = (
+    ("body rate", "deg/s", "angular_rate_b_radps", ""),
+    ("accelerometer bias", "m/s²", *_ACCELEROMETER),
+    ("gyroscope bias", "deg/s", *_GYROSCOPE),
+)
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class _States:
+class _States(NamedTuple):
     """What is drawn of a method, of fixes or of the truth; None where there is none."""
 
-    mark: str
+    style: str
     name: str
     t_s: FloatArray
-    R_nb: FloatArray
-    euler_deg: FloatArray
+    R_nb: FloatArray | None
+    euler_deg: FloatArray | None
     v_n_mps: FloatArray | None
     p_n_m: FloatArray | None
-    dots: bool = False
+
+    def line(self, x: FloatArray, y: FloatArray) -> Line:
+        """Return a line, or dots of fixes."""
+        return Line(self.style, x, y, self.name, dots=self.style == FIXES)
 
 
-def motion_charts(
-    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> Blocks:
-    """Return diagrams of the motion in time."""
-    states = list(_states(flight, methods, marks))
-    if not states:
-        return []
-    of_angles = {
-        name: [(one, one.euler_deg[:, k]) for one in states] for k, name in enumerate(EULER)
-    }
-    for name, unit_b in reported_baselines(flight).items():
-        angles = [(one, np.degrees(azimuth_elevation(one.R_nb @ unit_b))) for one in states]
-        for k, angle in enumerate(("azimuth", "elevation")):
-            of_angles[f"{angle}, {name}"] = [(one, values[:, k]) for one, values in angles]
-    charts = [_angle(of, name, time).drawing() for name, of in of_angles.items()]
-    for k, name in enumerate(("north", "east", "down")):
-        of = [(s, s.v_n_mps[:, k]) for s in states if s.v_n_mps is not None]
-        charts += _series(f"velocity {name}", "m/s", of, time)
-    height_m = flight.origin.height_m
-    of = [(s, height_m - s.p_n_m[:, 2]) for s in states if s.p_n_m is not None]
-    charts += _series("height above the ellipsoid", "m", of, time)
-    charts += _track(states)
-    note = "Grey dots: fixes of receivers, at their antennas."
-    return (paragraph(note) if flight.fixes else []) + grid(charts)
+def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
+    """Return the motion in time, and the ground track."""
+    states = list(_states(flight, methods))
+    series = [one for state in states for one in _series(flight, state)]
+    tracks = []
+    for state in states:
+        if state.p_n_m is not None and np.isfinite(state.p_n_m).any():
+            north, east = state.p_n_m[:: max(1, len(state.p_n_m) // _TRACK), :2].T
+            tracks.append(state.line(east, north))
+    track = Chart("ground track", "north, m", tracks, "east, m", equal=True, height=1.6 * HEIGHT)
+    note = paragraph("Grey dots: fixes of receivers, at their antennas.") if flight.fixes else []
+    return note + grid([*time_charts(series, time), *([track] if tracks else [])])
 
 
-def rate_and_bias_charts(
-    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> Blocks:
-    """Return diagrams of body rates and of the biases of inertial units, with ±3σ."""
-    charts = []
-    true_rate, widths = _true_rate(flight.truth), nested(len(methods), _THICK, _THIN)
-    for title, unit, field, covariance, scale in (
-        ("body rate", "deg/s", "angular_rate_b_radps", None, 180 / np.pi),
-        (
-            "accelerometer bias",
-            "m/s²",
-            "accelerometer_bias_mps2",
-            "accelerometer_bias_covariance_m2ps4",
-            1.0,
-        ),
-        (
-            "gyroscope bias",
-            "deg/s",
-            "gyroscope_bias_radps",
-            "gyroscope_bias_covariance_rad2ps2",
-            180 / np.pi,
-        ),
-    ):
-        for k, axis in enumerate("xyz"):
-            lines: list[Line] = []
-            bands: list[Band] = []
-            for method in methods:
-                estimate = method.estimate
-                values = None if estimate is None else getattr(estimate, field)
-                if estimate is None or values is None:
-                    continue
-                mark, t_s, value = marks[method.name], estimate.t_s, scale * values[:, k]
-                width = float(widths[len(lines)])
-                lines.append(Line(mark=mark, name=method.name, x=t_s, y=value, width=width))
-                spread = None if covariance is None else sigmas(getattr(estimate, covariance))
-                if spread is not None:
-                    half = _SIGMAS * scale * spread[:, k]
-                    bands.append(
-                        Band(
-                            mark=mark,
-                            name=f"±3σ of {method.name}",
-                            x=t_s,
-                            low=value - half,
-                            high=value + half,
-                        )
-                    )
-            if lines and field == "angular_rate_b_radps" and true_rate is not None:
-                t_s, rate_radps = true_rate
-                value = scale * rate_radps[:, k]
-                lines.append(Line(mark=TRUTH, name=TRUTH, x=t_s, y=value))
-            if lines:
-                edges = [edge[len(edge) // 2 :] for b in bands for edge in (b.low, b.high)]
-                y = spanning(f"{title} {axis}, {unit}", [*(line.y for line in lines), *edges])
-                charts.append(
-                    Chart(title=f"{title} {axis}", x=time, y=y, lines=lines, bands=bands).drawing()
-                )
-    return grid(charts)
-
-
-def _true_rate(truth: Truth | None) -> tuple[FloatArray, FloatArray] | None:
-    """Return the truth's mean rate between samples, (k - 1, 3), in body axes, at the middle."""
-    if truth is None or len(truth.t_s) < 2:
-        return None
-    steps_s = np.diff(truth.t_s)[:, None]
-    turn_rad = log(transpose(truth.R_nb[:-1]) @ truth.R_nb[1:])
-    return (truth.t_s[:-1] + truth.t_s[1:]) / 2, turn_rad / steps_s
-
-
-def _states(flight: Flight, methods: Sequence[Method], marks: dict[str, str]) -> Iterator[_States]:
-    """Yield fixes, the methods' states, then the truth's, which is drawn over them."""
-    for fixes in flight.fixes:
-        yield _States(
-            mark=_FIXES,
-            name=f"fixes of {fixes.antenna}",
-            t_s=fixes.t_s,
-            R_nb=np.full((len(fixes.t_s), 3, 3), np.nan),
-            euler_deg=np.full((len(fixes.t_s), 3), np.nan),
-            v_n_mps=fixes.v_n_mps,
-            p_n_m=fixes.p_n_m,
-            dots=True,
-        )
+def _states(flight: Flight, methods: Sequence[Method]) -> Iterator[_States]:
+    """Yield states of methods, the truth and fixes."""
     for method in methods:
         estimate = method.estimate
-        if estimate is None or not len(estimate.t_s):
-            continue
-        open_ = hidden(estimate)
-        euler_deg = np.array(estimate.euler_deg)
-        euler_deg[:, [name in open_ for name in EULER]] = np.nan
-        yield _States(
-            mark=marks[method.name],
-            name=method.name,
-            t_s=estimate.t_s,
-            R_nb=estimate.R_nb,
-            euler_deg=euler_deg,
-            v_n_mps=None if "velocity" in open_ else estimate.v_n_mps,
-            p_n_m=None if "position" in open_ else estimate.p_n_m,
-        )
+        if estimate is not None and len(estimate.t_s):
+            lost = hidden(estimate)
+            yield _States(
+                *(method.name, method.name, estimate.t_s, estimate.R_nb),
+                np.where([name in lost for name in EULER], np.nan, estimate.euler_deg),
+                None if "velocity" in lost else estimate.v_n_mps,
+                None if "position" in lost else estimate.p_n_m,
+            )
     truth = flight.truth
     if truth is not None and len(truth.t_s):
-        yield _States(
-            mark=TRUTH,
-            name="truth",
-            t_s=truth.t_s,
-            R_nb=truth.R_nb,
-            euler_deg=np.degrees(to_euler(truth.R_nb)),
-            v_n_mps=truth.v_n_mps,
-            p_n_m=truth.p_n_m,
-        )
+        euler_deg = np.degrees(to_euler(truth.R_nb))
+        yield _States(TRUTH, TRUTH, truth.t_s, truth.R_nb, euler_deg, truth.v_n_mps, truth.p_n_m)
+    for fixes in flight.fixes:
+        name = f"fixes of {fixes.antenna}"
+        yield _States(FIXES, name, fixes.t_s, None, None, fixes.v_n_mps, fixes.p_n_m)
 
 
-def _behind(of: list[tuple[_States, FloatArray]]) -> list[tuple[_States, FloatArray, float]]:
-    """Return series in the order of drawing with their widths: the roughest first, truth last."""
-    ordered = sorted(
-        of, key=lambda one: (one[0].mark == TRUTH, not one[0].dots, -_roughness(one[1]))
-    )
-    dots = sum(one.dots for one, _ in ordered)
-    methods = sum(one.mark != TRUTH for one, _ in ordered) - dots
-    widths = [*[1.0] * dots, *nested(methods, _THICK, _THIN).tolist(), 1.0]
-    return [(one, y, width) for (one, y), width in zip(ordered, widths, strict=False)]
+def _series(flight: Flight, states: _States) -> Series:
+    """Yield angles, those of baselines too, velocities and height."""
+    if states.R_nb is not None and states.euler_deg is not None:
+        angles_deg = dict(zip(EULER, states.euler_deg.T, strict=True))
+        for name, unit_b in reported_baselines(flight).items():
+            azimuth_deg, elevation_deg = np.degrees(azimuth_elevation(states.R_nb @ unit_b)).T
+            angles_deg |= {f"azimuth, {name}": azimuth_deg, f"elevation, {name}": elevation_deg}
+        for name, angle_deg in angles_deg.items():
+            yield name, "angle, deg", _angle_line(states, angle_deg)
+    if states.v_n_mps is not None:
+        for axis, velocity_mps in zip(NORTH_EAST_DOWN, states.v_n_mps.T, strict=True):
+            yield f"velocity {axis}", "velocity, m/s", states.line(states.t_s, velocity_mps)
+    if states.p_n_m is not None:
+        height_m = flight.origin.height_m - states.p_n_m[:, 2]
+        yield "height above the ellipsoid", "height, m", states.line(states.t_s, height_m)
 
 
-def _roughness(y: FloatArray) -> float:
-    """Return the median size of steps."""
-    steps = np.abs(np.diff(y))
-    finite = steps[np.isfinite(steps)]
-    return float(np.median(finite)) if len(finite) else 0.0
+def _angle_line(states: _States, angle_deg: FloatArray) -> Line:
+    """Return a line broken where the angle wraps, or dots where it does so often."""
+    continuous_deg = unjumped_deg(angle_deg)
+    wraps = int((np.isnan(continuous_deg) & np.isfinite(angle_deg)).sum())
+    if wraps > min(_WRAPS, 0.3 * len(angle_deg)):
+        return Line(states.style, states.t_s, angle_deg, states.name, dots=True)
+    return states.line(states.t_s, continuous_deg)
 
 
-def _angle(of: list[tuple[_States, FloatArray]], name: str, time: Axis) -> Chart:
-    lines = []
-    shown = [(one, y) for one, y in of if np.isfinite(y).any()]
-    for one, angle_deg, width in _behind(shown):
-        continuous_deg = unjumped_deg(angle_deg)
-        jumps = int((np.isnan(continuous_deg) & np.isfinite(angle_deg)).sum())
-        dots = jumps > _WRAPS * min(BINS, len(angle_deg))
-        y = angle_deg if dots else continuous_deg
-        lines.append(Line(mark=one.mark, name=one.name, x=one.t_s, y=y, dots=dots, width=width))
-    return Chart(
-        title=name, x=time, y=spanning(f"{name}, deg", [line.y for line in lines]), lines=lines
-    )
+def rate_and_bias_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
+    """Return body rates and biases of inertial units, with ±3σ."""
+    return grid(time_charts(_rates_and_biases(flight, methods), time, spanning))
 
 
-def _series(
-    name: str, unit: str, of: list[tuple[_States, FloatArray]], time: Axis
-) -> list[Drawing]:
-    shown = [(s, y) for s, y in of if np.isfinite(y).any()]
-    lines = [
-        Line(mark=s.mark, name=s.name, x=s.t_s, y=y, dots=s.dots, width=width)
-        for s, y, width in _behind(shown)
-    ]
-    if not lines:
-        return []
-    y = spanning(f"{name}, {unit}", [line.y for line in lines])
-    return [Chart(title=name, x=time, y=y, lines=lines).drawing()]
-
-
-def _track(states: list[_States]) -> list[Drawing]:
-    """Return east and north on one scale; nothing without positions."""
-    lines = []
-    shown = [
-        (one, one.p_n_m[:, 0])
-        for one in states
-        if one.p_n_m is not None and np.isfinite(one.p_n_m).any()
-    ]
-    for one, _, width in _behind(shown):
-        if one.p_n_m is not None:
-            north, east = one.p_n_m[every(len(one.p_n_m), _TRACK), :2].T
-            mark, name, dots = one.mark, one.name, one.dots
-            lines.append(
-                Line(mark=mark, name=name, x=east, y=north, dots=dots, as_is=True, width=width)
-            )
-    if not lines:
-        return []
-    height = 1.6 * HEIGHT
-    x = spanning("east, m", [line.x for line in lines])
-    y = spanning("north, m", [line.y for line in lines])
-    x, y = on_one_scale(x, y, height)
-    return [Chart(title="ground track", x=x, y=y, lines=lines, height=height).drawing()]
+def _rates_and_biases(flight: Flight, methods: Sequence[Method]) -> Series:
+    for name, unit, field, covariance in _RATES:
+        scale = 180 / np.pi if unit == "deg/s" else 1.0
+        estimates = {m.name: m.estimate for m in methods if m.estimate is not None}
+        has = {of: one for of, one in estimates.items() if getattr(one, field) is not None}
+        for k, axis in enumerate("xyz"):
+            for of, estimate in has.items():
+                spread = sigmas(getattr(estimate, covariance, None))
+                half = None if spread is None else _SIGMAS * scale * spread[:, k]
+                line = Line(of, estimate.t_s, scale * getattr(estimate, field)[:, k], half=half)
+                yield f"{name} {axis}", f"{name}, {unit}", line
+            truth = flight.truth
+            if has and not covariance and truth is not None and len(truth.t_s) > 1:
+                rotation_rad = log(transpose(truth.R_nb[:-1]) @ truth.R_nb[1:])[:, k]
+                rate = scale * rotation_rad / np.diff(truth.t_s)  # mean rate between samples
+                line = Line(TRUTH, (truth.t_s[:-1] + truth.t_s[1:]) / 2, rate)
+                yield f"{name} {axis}", f"{name}, {unit}", line

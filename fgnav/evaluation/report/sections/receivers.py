@@ -9,15 +9,19 @@ from fgnav.attitude.receiver_baselines import body_baseline
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.report.blocks import Blocks, grid, number, paragraph, table
-from fgnav.evaluation.report.drawing.chart import Axis, Chart, Line
-from fgnav.evaluation.report.lines import limit
+from fgnav.evaluation.report.charts import FIXES, Line, Span, around_zero, time_charts
+from fgnav.evaluation.report.parts import Blocks, grid, number, paragraph, table
+from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN
 from fgnav.evaluation.scores import hidden
 from fgnav.geometry.rotations import wrap
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Baseline, Fixes, Flight
 
-_AXES = ("north", "east", "down")
+_EXPLANATION = (
+    "What a receiver solved less what an estimate has at its antennas; shaded: three standard "
+    "deviations as the receiver states them. The estimate has seen it: a residual is smaller than "
+    "the receiver's error. What stays for seconds is set-up, delay or multipath."
+)
 
 
 class _Residual(NamedTuple):
@@ -30,42 +34,28 @@ class _Residual(NamedTuple):
     sigma: FloatArray
 
 
-def receiver_parts(
-    flight: Flight, methods: Sequence[Method], marks: dict[str, str], time: Axis
-) -> Blocks:
-    """Return diagrams and a table of residuals; empty without fixes and baselines."""
-    of: dict[str, list[tuple[str, _Residual]]] = {}
+def receiver_blocks(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
+    """Return figures and a table of residuals; empty without fixes and baselines."""
+    series, rows = [], []
     for method in methods:
-        if method.estimate is not None:
-            for one in _residuals(flight, method.estimate):
-                of.setdefault(one.title, []).append((method.name, one))
-    charts = [_chart(parts, marks, time).drawing() for parts in of.values()]
-    rows = [
-        [
-            title,
-            name,
-            str(len(one.value)),
-            f"{number(float(np.sqrt((one.value**2).mean())))} {one.unit}",
-            f"{number(float(np.median(one.sigma)))} {one.unit}",
-        ]
-        for title, parts in of.items()
-        for name, one in parts
-    ]
-    if not rows:
-        return []
+        for one in _residuals(flight, method.estimate) if method.estimate is not None else ():
+            y = f"residual, {one.unit}"
+            if method is methods[0]:  # what the receiver states is the same for all
+                stated = Line(FIXES, one.t_s, 0 * one.value, "3σ", half=3 * one.sigma)
+                series.append((one.title, y, stated))
+            series.append((one.title, y, Line(method.name, one.t_s, one.value, dots=True)))
+            rms, sigma = float(np.sqrt((one.value**2).mean())), float(np.median(one.sigma))
+            sizes = [f"{number(value)} {one.unit}" for value in (rms, sigma)]
+            rows.append([one.title, method.name, str(len(one.value)), *sizes])
+    rows.sort(key=lambda row: row[0])
     heads = ["of", "method", "count", "RMS", "1σ, median"]
-    return (
-        paragraph(
-            "What a receiver solved less what an estimate has at its antennas. The estimate has "
-            "seen it: a residual is smaller than the receiver's error. What stays for seconds is "
-            "set-up, delay or multipath."
-        )
-        + grid(charts)
-        + table(heads, rows, "residuals, and 1σ as the receiver states it")
-    )
+    figures = table(heads, rows, "residuals, and 1σ as the receiver states it")
+    charts = grid(time_charts(series, time, around_zero))
+    return paragraph(_EXPLANATION) + charts + figures if rows else []
 
 
 def _residuals(flight: Flight, estimate: Estimate) -> Iterator[_Residual]:
+    """Yield residuals along axes that have any."""
     lost = hidden(estimate)
     for fixes in flight.fixes:
         yield from _of_fixes(flight, estimate, fixes, lost)
@@ -81,27 +71,20 @@ def _of_fixes(
     arm_b_m, R_nb = flight.antenna(fixes.antenna).position_b_m, estimate.R_nb[at]
     if estimate.p_n_m is not None and "position" not in lost:
         value = fixes.p_n_m[rows] - estimate.p_n_m[at] - R_nb @ arm_b_m
-        named = f"position of {fixes.antenna}", "m"
-        yield from _by_axis(named, fixes.t_s[rows], value, fixes.position_sigma_m[rows])
-    rate, v_n_mps, sigma = (
-        estimate.angular_rate_b_radps,
-        fixes.v_n_mps,
-        fixes.velocity_sigma_mps,
-    )
+        title = f"position of {fixes.antenna}"
+        yield from _by_axis(title, "m", fixes.t_s[rows], value, fixes.position_sigma_m[rows])
+    rate, v_n_mps, sigma = estimate.angular_rate_b_radps, fixes.v_n_mps, fixes.velocity_sigma_mps
     if rate is None or v_n_mps is None or sigma is None or estimate.v_n_mps is None:
         return
-    swing = np.einsum("nij,nj->ni", R_nb, np.cross(rate[at], arm_b_m))
-    value = v_n_mps[rows] - estimate.v_n_mps[at] - swing
-    yield from _by_axis(
-        (f"velocity of {fixes.antenna}", "m/s"), fixes.t_s[rows], value, sigma[rows]
-    )
+    lever_n_mps = np.einsum("nij,nj->ni", R_nb, np.cross(rate[at], arm_b_m))
+    value = v_n_mps[rows] - estimate.v_n_mps[at] - lever_n_mps
+    yield from _by_axis(f"velocity of {fixes.antenna}", "m/s", fixes.t_s[rows], value, sigma[rows])
 
 
 def _by_axis(
-    named: tuple[str, str], t_s: FloatArray, value: FloatArray, sigma: FloatArray
+    title: str, unit: str, t_s: FloatArray, value: FloatArray, sigma: FloatArray
 ) -> Iterator[_Residual]:
-    title, unit = named
-    for k, axis in enumerate(_AXES):
+    for k, axis in enumerate(NORTH_EAST_DOWN):
         valid = np.isfinite(value[:, k])
         if valid.any():
             yield _Residual(f"{title}, {axis}", unit, t_s[valid], value[valid, k], sigma[valid, k])
@@ -119,27 +102,12 @@ def _of_baseline(flight: Flight, estimate: Estimate, of: Baseline) -> Iterator[_
     measured = of[np.isin(np.arange(len(of.t_s)), rows)]
     here = estimate.R_nb[at] @ between.vector_b_m
     heading = wrap(measured.heading_rad - np.arctan2(here[:, 1], here[:, 0]))
-    sigma = np.degrees(measured.heading_sigma_rad)
-    name = between.name
-    yield _Residual(f"{name}, heading", "deg", measured.t_s, np.degrees(heading), sigma)
-    if of.measured == "heading":
-        return
-    pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in (measured.vector_n_m, here)]
-    length = np.linalg.norm(measured.vector_n_m, axis=1)
-    sigma = np.degrees(np.sqrt(measured.covariance_m2[:, 2, 2]) / length)
-    yield _Residual(f"{name}, pitch", "deg", measured.t_s, np.degrees(pitch[0] - pitch[1]), sigma)
-
-
-def _chart(parts: list[tuple[str, _Residual]], marks: dict[str, str], time: Axis) -> Chart:
-    one = parts[0][1]
-    half = limit([part.value for _, part in parts])
-    return Chart(
-        title=one.title,
-        x=time,
-        y=Axis(name=f"residual, {one.unit}", low=-half, high=half),
-        lines=[
-            Line(mark=marks[name], name=name, x=part.t_s, y=part.value, dots=True)
-            for name, part in parts
-        ],
-        rules={3 * float(np.median(one.sigma)): "3σ", -3 * float(np.median(one.sigma)): "-3σ"},
-    )
+    t_s, sigma_deg = measured.t_s, np.degrees(measured.heading_sigma_rad)
+    yield _Residual(f"{between.name}, heading", "deg", t_s, np.degrees(heading), sigma_deg)
+    if of.measured != "heading":
+        both_n_m = measured.vector_n_m, here
+        pitch = [np.arctan2(-v[:, 2], np.hypot(v[:, 0], v[:, 1])) for v in both_n_m]
+        length_m = np.linalg.norm(measured.vector_n_m, axis=1)
+        sigma_deg = np.degrees(np.sqrt(measured.covariance_m2[:, 2, 2]) / length_m)
+        left_deg = np.degrees(pitch[0] - pitch[1])
+        yield _Residual(f"{between.name}, pitch", "deg", t_s, left_deg, sigma_deg)

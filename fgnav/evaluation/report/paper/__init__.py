@@ -1,1 +1,0 @@
-"""A report for print: pages by matplotlib, as one PDF or a PNG of each."""
