@@ -1,8 +1,7 @@
 """Run the benchmarks, write bench.json and print a table: ``python -m tests.benchmarks [name]``.
 
-A benchmark is a module beside this one with ``run() -> list[dict]``; each row has name, ours, peer,
-ratio (above 1: ours is better), unit and note. A module may list the names of its rows in
-``NAMES``, so that asking for one row does not run the others' modules.
+A benchmark is a module beside this one with ``run() -> list[Row]``. A module may list the names of
+its rows in ``NAMES``, so that asking for one row does not run the others' modules.
 """
 
 import json
@@ -12,14 +11,14 @@ import traceback
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from tests.benchmarks._rows import Row
+
 HERE = Path(__file__).resolve().parent
 BENCH_JSON = HERE.parent.parent / "bench.json"
-KEYS = ("name", "ours", "peer", "ratio", "unit", "note")
 
 
 def main(only: str = "") -> int:
@@ -52,16 +51,14 @@ def wanted(module: ModuleType, stem: str, only: str) -> bool:
     return not only or only == stem or names is None or only in names
 
 
-def write(rows: list[dict[str, Any]]) -> None:
+def write(rows: list[Row]) -> None:
     """Write bench.json, whole or not at all."""
     part = BENCH_JSON.with_suffix(f".{os.getpid()}.part")
-    part.write_text(
-        json.dumps([{key: row.get(key) for key in KEYS} for row in rows], indent=2) + "\n"
-    )
+    part.write_text(json.dumps(rows, indent=2) + "\n")
     part.replace(BENCH_JSON)
 
 
-def show(rows: list[dict[str, Any]]) -> None:
+def show(rows: list[Row]) -> None:
     """Print the rows as a table."""
     table = Table("name", "ours", "peer", "ratio", "unit", "note", title=str(BENCH_JSON.name))
     for row in rows:

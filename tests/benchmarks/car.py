@@ -18,6 +18,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Fixes, Flight
 from fgnav.types.vehicle import WheeledVehicle
+from tests.benchmarks._rows import Row, row
 from tests.recordings import drive
 
 SHARED = os.environ.get("FGNAV_SHARED")
@@ -30,7 +31,7 @@ CASES = (
 ASKED = tuple(filter(None, os.environ.get("CAR_CASES", "").split(","))) or CASES
 ROWS = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 FIRST_S, LAST_S, LENGTH_S, EVERY_S = 40.0, 30.0, 15.0, 45.0  # README of the recording
-AUTHORS_N_M, AUTHORS_MOST_M = (0.155, 0.253, 0.089), 0.66
+AUTHORS_N_M = (0.155, 0.253, 0.089)
 MOVING_MPS, STRAIGHT_DEGPS = 4.0, 1.0
 WINDOW_S = 60.0
 SURE_DEG = 5.0
@@ -148,7 +149,7 @@ def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
     return method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
 
 
-def _row(case: str) -> dict:
+def _row(case: str) -> Row:
     whole, rows = flight_of(case)
     estimate = solved(case, whole, rows)
     answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
@@ -164,19 +165,13 @@ def _row(case: str) -> dict:
             f"{north:.4f} {east:.4f} {down:.4f} m, {size:.2f} at most, NEES {off.nees:.1f}; {note}"
         )
         ours, peer = float(np.linalg.norm(off.rms_n_m)), float(np.linalg.norm(AUTHORS_N_M))
-    return {
-        "name": f"car_{case}",
-        "ours": ours,
-        "peer": peer,
-        "ratio": ours / peer if case.startswith("plain") else peer / ours,
-        "unit": "" if case.startswith("plain") else "m",
-        "note": note,
-    }
+    less = not case.startswith("plain")
+    return row(f"car_{case}", ours, peer, "m" if less else "", note, less=less)
 
 
 NAMES = tuple(f"car_{case}" for case in CASES)
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return a row for each case."""
     return [_row(case) for case in ASKED] if SHARED else []

@@ -27,6 +27,7 @@ from fgnav_models.training.velocity.vehicles.track import Track
 from fgnav_models.training.velocity.vehicles.world import KINDS, VehiclesWorld, vehicle_scenario
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 from tests.recordings import drive, quadrotor
 
 NAMES = tuple(f"velocity_outage_{s}_s" for s in (5, 15, 30))
@@ -167,7 +168,7 @@ def interval(difference: FloatArray, rng: np.random.Generator) -> tuple[float, f
     return tuple(np.percentile(means, (2.5, 97.5)).tolist())
 
 
-def run(count: int = FLIGHTS) -> list[dict]:
+def run(count: int = FLIGHTS) -> list[Row]:
     """Return a row for each length."""
     world = VehiclesWorld(flight_s=FLIGHT_S)
     rngs = np.random.default_rng([SEED, 9]).spawn(60)
@@ -198,18 +199,14 @@ def _row(
     length_s: float,
     filtered: list[tuple[str, FloatArray]],
     smoothed: list[tuple[str, FloatArray]],
-) -> dict:
+) -> Row:
     both = np.concatenate([found for _, found in filtered])
     none, factor = np.sqrt(np.nanmean(both[:, :2] ** 2, axis=0))
-    return {
-        "name": f"velocity_outage_{length_s:.0f}_s",
-        "ours": factor,
-        "peer": none,
-        "ratio": none / factor,
-        "unit": "m",
-        "note": f"RMS position error of `forward` in outages; peer: no factor. {_words(filtered)}; "
-        f"`batch`: {_words(smoothed)}",
-    }
+    note = (
+        f"RMS position error of `forward` in outages; peer: no factor. {_words(filtered)}; "
+        f"`batch`: {_words(smoothed)}"
+    )
+    return row(f"velocity_outage_{length_s:.0f}_s", factor, none, "m", note, less=True)
 
 
 def _words(of: list[tuple[str, FloatArray]]) -> str:

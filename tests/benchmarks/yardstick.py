@@ -24,6 +24,7 @@ from scipy.special import betaincinv
 
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.flight import Flight
+from tests.benchmarks._rows import Row, row
 from tests.benchmarks._yardstick_flights import KINDS, clean_flight
 from tests.benchmarks._yardstick_recordings import RECORDINGS
 from tests.benchmarks._yardstick_results import OUTCOMES, STATES, UNITS, Result, judged
@@ -50,7 +51,7 @@ NAMES = tuple(
 )
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return a row for each kind, each recording, and each outcome of the drawn flights."""
     for kind in drawn_flights.KINDS:  # kernels are compiled, on flights that are not counted
         flight = drawn_flights.right_flight(kind, DRAWN_SEED - 1)
@@ -74,7 +75,7 @@ def run() -> list[dict]:
     return rows
 
 
-def write(results: list[Result], rows: list[dict]) -> None:
+def write(results: list[Result], rows: list[Row]) -> None:
     """Write all results and rows, whole or not at all."""
     part = YARDSTICK_JSON.with_suffix(f".{os.getpid()}.part")
     whole = {"share": SHARE, "rows": rows, "results": [asdict(result) for result in results]}
@@ -168,7 +169,7 @@ def _seconds(group: list[Result]) -> float:
     return float(np.median([one.seconds for one in group]))
 
 
-def _row_of_group(name: str, group: list[Result]) -> dict:
+def _row_of_group(name: str, group: list[Result]) -> Row:
     """Return the row of a kind or recording: its first RMSE, or else its time."""
     rmse = zip(_typical(group, "rmse").values(), UNITS, strict=True)
     known = [(x, unit) for x, unit in rmse if not math.isnan(x)]
@@ -179,19 +180,22 @@ def _row_of_group(name: str, group: list[Result]) -> dict:
     outcomes = Counter(one.outcome for one in group if one.outcome not in ("", "right"))
     parts += [f"{number} {outcome}" for outcome, number in outcomes.items()]
     parts += [f"{_seconds(group):.2f} s", f"{sum(one.said for one in group)} of {len(group)} said"]
-    return _row(name, *(known or [(_seconds(group), "s")])[0], ", ".join(parts))
+    ours, unit = (known or [(_seconds(group), "s")])[0]
+    return row(f"yardstick_{name}", ours, None, unit, ", ".join(parts))
 
 
-def _rows_of_outcomes(part: str, group: list[Result]) -> list[dict]:
+def _rows_of_outcomes(part: str, group: list[Result]) -> list[Row]:
     """Return a row for each outcome of drawn flights; of clean ones also the false alarms."""
     rows = []
     for outcome in OUTCOMES if group else ():
         said = [one.said for one in group if one.outcome == outcome]
         note = f"{_limit(len(said), len(group))}; {sum(said)} said"
-        rows.append(_row(f"{part}_{outcome}", len(said), "flights", note))
+        name = f"yardstick_{part}_{outcome}".replace(" ", "_")
+        rows.append(row(name, len(said), None, "flights", note))
     if part == "drawn" and group:
         alarms = sum(one.said for one in group)
-        rows.append(_row("false_alarms", alarms, "flights", _limit(alarms, len(group))))
+        note = _limit(alarms, len(group))
+        rows.append(row("yardstick_false_alarms", alarms, None, "flights", note))
     return rows
 
 
@@ -199,8 +203,3 @@ def _limit(number: int, of: int) -> str:
     """Return the upper confidence limit of a share (Clopper and Pearson 1934)."""
     most = 1.0 if number == of else betaincinv(number + 1, of - number, CONFIDENCE)
     return f"of {of}, at most {100 * most:.1f} % ({100 * CONFIDENCE:.0f} % confidence)"
-
-
-def _row(name: str, ours: float, unit: str, note: str) -> dict:
-    row = {"name": f"yardstick_{name}".replace(" ", "_"), "ours": float(ours), "unit": unit}
-    return row | {"peer": None, "ratio": None, "note": note}
