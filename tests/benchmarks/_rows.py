@@ -1,6 +1,8 @@
 """What all benchmarks share: the rows of their table, and how long a piece of work takes."""
 
+import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias
 
@@ -9,6 +11,9 @@ import numpy as np
 from fgnav.checks import FloatArray
 
 Row: TypeAlias = dict[str, Any]
+ROOT = Path(__file__).resolve().parents[2]
+# Recordings and published tables; a benchmark without those it needs has no rows.
+DATA = ROOT / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
 KEYS = ("name", "ours", "peer", "ratio", "unit", "note")
 
 

@@ -4,7 +4,6 @@ The real ones are the Wettzell recordings of FGNAV_SHARED, GPS L1 at rising elev
 them these rows are left out. A wrong epoch is one with any wrong integer among those accepted.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,10 +26,9 @@ from fgnav.types.integers import Resolver
 from fgnav_sim.gnss.tables import MultipathTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.benchmarks._rows import Row, row
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight
 
-ROOT = Path(__file__).resolve().parents[2]
 MASKS = (10, 15, 20, 25, 30, 35)
 SECONDS, SEEDS = 40.0, 12
 ECHOES = MultipathTable(code_m=1.0, phase_m=0.002, time_constant_s=20.0)
@@ -66,11 +64,10 @@ def run() -> list[Row]:
 
 
 def _wettzell() -> list[Row]:
-    shared = ROOT / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
-    if not (shared / "wettzell").is_dir():
+    if not (DATA / "wettzell").is_dir():
         return []
     with TemporaryDirectory() as folder:
-        flight = load_flight(write_flight(Path(folder), shared))
+        flight = load_flight(write_flight(Path(folder), DATA))
     differences = double_differences(flight)
     rows = []
     for mask in MASKS:

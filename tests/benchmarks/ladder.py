@@ -4,7 +4,6 @@ Reads the Wettzell recordings from FGNAV_SHARED; without them there are no rows.
 """
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,7 +20,7 @@ from fgnav.io.flight.folder import load_flight
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
-from tests.benchmarks._rows import Row, row
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.wettzell import of_signals, right_cycles, write_flight
 
 MASKS = (10, 15, 20, 25, 30, 35)
@@ -33,15 +32,11 @@ NAMES = tuple(f"ladder_mask_{mask}" for mask in MASKS)
 
 def run() -> list[Row]:
     """Climb it."""
-    root = Path(__file__).resolve().parents[2]
-    shared = root / (os.environ.get("FGNAV_SHARED") or "../shared")
-    if not (shared / "data" / "wettzell").is_dir():
+    if not (DATA / "wettzell").is_dir():
         return []
-    published = json.loads(
-        (shared / "data" / "integers" / "wtz_single_epoch_success.json").read_text()
-    )
+    published = json.loads((DATA / "integers" / "wtz_single_epoch_success.json").read_text())
     with TemporaryDirectory() as folder:
-        flight = load_flight(write_flight(Path(folder), shared / "data"))
+        flight = load_flight(write_flight(Path(folder), DATA))
     rows = {row["mask_deg"]: row for row in published["rows"]}
     return [_rung(flight, mask, rows[mask]) for mask in MASKS]
 

@@ -1,7 +1,6 @@
 """Reading RINEX observations: ours, with checks, against RTKLIB's alone."""
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -14,13 +13,12 @@ from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rinex.writer import write_observations
 from fgnav.types.observations import Observations
-from tests.benchmarks._rows import Row, row
+from tests.benchmarks._rows import DATA, Row, row
 
 START_GPS_S = 1_277_078_400.0
 REPEATS = 5
 NAMES = ("rinex_read", "rinex_read_short")
-ROOT = Path(__file__).resolve().parents[2]
-GRAS = "data/rinex/GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
+GRAS = DATA / "rinex" / "GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
 # RTKLIB's reader through the plain binding, in a process of its own: two pyrtklib in one crash.
 PEER = """
 import json, sys, time, pyrtklib5 as rtk
@@ -85,10 +83,9 @@ def run() -> list[Row]:
         path = _flight_file(folder)
         megabytes = path.stat().st_size / 1e6
         results = [_compare("rinex_read", path, f"1 h, 10 Hz, 12 satellites, {megabytes:.0f} MB")]
-        shared = Path(os.environ.get("FGNAV_SHARED") or ROOT.parent / "shared")
-        if (ROOT / shared / GRAS).is_file():
+        if GRAS.is_file():
             plain = folder / "gras.rnx"
-            plain.write_bytes(read_text(ROOT / shared / GRAS).tobytes())
+            plain.write_bytes(read_text(GRAS).tobytes())
             note = "15 min, 1 Hz, all systems, 7 MB"
             results.append(_compare("rinex_read_short", plain, note))
     return results

@@ -23,9 +23,7 @@ References
 """
 
 import json
-import os
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -37,7 +35,7 @@ from fgnav.integers.ils.search import WITHOUT_LIMIT, solve
 from fgnav.io.rinex.reader import read_navigation
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.orbits import BroadcastOrbits
-from tests.benchmarks._rows import Row, row
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.arrays import L1_M
 
 PDOP = {5: 4.19, 6: 2.14, 7: 1.91, 8: 1.81}
@@ -99,10 +97,8 @@ class Rates:
 
 def run() -> list[Row]:
     """Return a row per cell of the table, and one of them all."""
-    root = Path(__file__).resolve().parents[2]
-    data = root / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
-    table = data / "integers" / "c_lambda_success_rates_teunissen2011.json"
-    messages = data / "orbits" / MESSAGES
+    table = DATA / "integers" / "c_lambda_success_rates_teunissen2011.json"
+    messages = DATA / "orbits" / MESSAGES
     if not (table.is_file() and messages.is_file()):
         return []
     cells = json.loads(table.read_text())["table1"]["rows"]

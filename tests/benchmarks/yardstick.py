@@ -1,8 +1,8 @@
 """Clean flights, recordings and drawn faulty flights in one run: errors, NEES, time, outcomes.
 
-Three parts: ten kinds of clean flights with eight seeds each; recordings, where ``FGNAV_SHARED``
-has them; and short drawn flights, 60 clean and each with two faults of its own. Outcomes and limits
-are defined in ``_yardstick_results``. The seeds of each part begin at a base that chose nothing.
+Three parts: ten kinds of clean flights with eight seeds each; recordings, where there are any; and
+short drawn flights, 60 clean and each with two faults of its own. Outcomes and limits are defined
+in ``_yardstick_results``. The seeds of each part begin at a base that chose nothing.
 
 ``YARDSTICK_SHARE`` (1) sets the share of the flights, ``YARDSTICK_PARTS`` names some of the parts.
 Every estimate is written to ``yardstick.json`` as it comes, the rows at the end.
@@ -15,16 +15,16 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.special import betaincinv
 
+from fgnav.io.atomic_write import write_text
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.flight import Flight
-from tests.benchmarks._rows import Row, row
+from tests.benchmarks._rows import DATA, ROOT, Row, row
 from tests.benchmarks._yardstick_flights import KINDS, clean_flight
 from tests.benchmarks._yardstick_recordings import RECORDINGS
 from tests.benchmarks._yardstick_results import OUTCOMES, STATES, UNITS, Result, judged
@@ -32,8 +32,7 @@ from tests.robustness.drawn import flights as drawn_flights
 from tests.robustness.drawn.dirty import dirty
 
 SHARE = float(os.environ.get("YARDSTICK_SHARE", "1"))
-SHARED = os.environ.get("FGNAV_SHARED")
-YARDSTICK_JSON = Path(__file__).resolve().parents[2] / "yardstick.json"
+YARDSTICK_JSON = ROOT / "yardstick.json"
 CLEAN_SEED, DRAWN_SEED, FAULT_SEED, REDRAWN = 530_000_000, 560_000_000, 570_000_000, 1_000_000
 SEEDS, DRAWN, FAULTS_EACH = 8, 60, 2
 METHODS = {"batch": Batch(), "smoother": Smoother(), "forward": Forward()}
@@ -76,11 +75,9 @@ def run() -> list[Row]:
 
 
 def write(results: list[Result], rows: list[Row]) -> None:
-    """Write all results and rows, whole or not at all."""
-    part = YARDSTICK_JSON.with_suffix(f".{os.getpid()}.part")
+    """Write all results and rows."""
     whole = {"share": SHARE, "rows": rows, "results": [asdict(result) for result in results]}
-    part.write_text(json.dumps(whole, indent=1) + "\n")
-    part.replace(YARDSTICK_JSON)
+    write_text(YARDSTICK_JSON, json.dumps(whole, indent=1) + "\n")
 
 
 def show(groups: dict[str, list[Result]]) -> None:
@@ -114,9 +111,9 @@ def _clean() -> Iterator[Result]:
 
 def _recordings() -> Iterator[Result]:
     """Yield the recordings, where there are any."""
-    for name in list(RECORDINGS)[: _some(len(RECORDINGS))] if SHARED else []:
+    for name in list(RECORDINGS)[: _some(len(RECORDINGS))] if DATA.is_dir() else []:
         print(f"  recordings: {name}", flush=True)
-        yield Result(part="recordings", name=name, **RECORDINGS[name](Path(SHARED or "") / "data"))
+        yield Result(part="recordings", name=name, **RECORDINGS[name]())
 
 
 def _drawn() -> Iterator[Result]:
