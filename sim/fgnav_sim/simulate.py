@@ -27,10 +27,6 @@ _STILL = 1e-6  # m/s and m per root second, of satellites without errors: far be
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
 
-def _silent(_share: float) -> None:
-    """Take note of progress where nobody watches."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulated:
     """A flight, and what was drawn for it of the scenario's dispersions."""
@@ -40,7 +36,9 @@ class Simulated:
 
 
 def simulate(
-    scenario: Scenario, rng: np.random.Generator, progress: Callable[[float], None] = _silent
+    scenario: Scenario,
+    rng: np.random.Generator,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Flight:
     """Return the flight that a scenario describes, with its truth.
 
@@ -65,7 +63,7 @@ def simulate(
 def simulate_many(
     scenario: Scenario,
     rngs: Sequence[np.random.Generator],
-    progress: Callable[[float], None] = _silent,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[Simulated]:
     """Yield a flight for each generator, the same that ``simulate`` makes of it alone.
 

@@ -17,14 +17,14 @@ from fgnav.methods.smoother import Batch
 from fgnav.seeker import line_of_sight
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
-from fgnav_sim.gnss.tables import BaseTable
+from fgnav_sim.gnss.tables import Point
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks._rows import Row, row
 
 FLIGHTS = int(os.environ.get("FLIGHT_CONSTANTS_FLIGHTS", "24"))
 SEED = 20_000  # the first; none that has chosen a constant of the library
-BASE = BaseTable(latitude_deg=40.36, longitude_deg=-3.90, height_m=700.0)
+BASE = Point(latitude_deg=40.36, longitude_deg=-3.90, height_m=700.0)
 ANTENNA_M, LANDMARK_M, BORESIGHT_RAD = 0.03, 5.0, np.radians(1.0)
 NAMES = tuple(
     f"{name}_{figure}"

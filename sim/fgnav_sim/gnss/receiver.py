@@ -37,7 +37,7 @@ def observe(
     messages: BroadcastOrbits | None = None,
     satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
-    progress: Callable[[float], None],
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> "Received":
     """Return what the receivers measure, and the integers that nobody tells them.
 
