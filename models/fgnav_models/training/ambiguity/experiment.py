@@ -29,7 +29,7 @@ from fgnav_models.training.ambiguity.nets import (
     whitened,
 )
 from fgnav_models.training.order import Order
-from fgnav_models.training.train import Batch, Settings, train
+from fgnav_models.training.train import Batch, Settings
 
 Targets: TypeAlias = Literal["benchmark", "each", "shared"]
 _CHUNK = 4096  # rows answered at a time
@@ -72,10 +72,6 @@ class Result:
     test: dict[str, Any]
     rows: dict[str, int]  # of each part
     seconds: float  # of this slice's training
-
-
-class SliceOver(Exception):  # noqa: N818  # no error: the next slice goes on
-    """The time is up; a checkpoint says where to go on."""
 
 
 def columns_of(experiment: Experiment, differences: int) -> IntArray:
@@ -142,20 +138,15 @@ def run_experiment(
         columns = columns_of(experiment, samples.cycles.shape[1])
     rows = Rows(samples, columns, experiment.window, order.device)
     net = network_of(experiment, samples, parts, columns).to(order.device)
-    checkpoint = folder / "checkpoint.safetensors"
     start_s = perf_counter()
-    trained = train(
+    trained = order.train(
+        name,
         net,
         Shuffled(rows, parts.train, experiment.batch, experiment.seed),
         lambda module, batch: _loss(experiment.task, module, batch),
         _settings(experiment, len(parts.train)),
-        checkpoint,
-        validate=lambda module: _validation(experiment, module, rows, parts.validation),
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(name, progress),
+        lambda module: _validation(experiment, module, rows, parts.validation),
     )
-    if not trained.finished:
-        raise SliceOver
     seconds = perf_counter() - start_s
     answers = answers_of(net, rows, parts.test)
     if keep_weights:
@@ -175,7 +166,7 @@ def run_experiment(
         seconds=seconds,
     )
     write_text(done, json.dumps(msgspec.to_builtins(result), indent=1) + "\n")
-    checkpoint.unlink()
+    (folder / "checkpoint.safetensors").unlink()
     return result
 
 

@@ -122,7 +122,7 @@ def find(campaign: Campaign, order: Order) -> Findings:
 
     Raises
     ------
-    fgnav_models.training.ambiguity.experiment.SliceOver
+    fgnav_models.training.order.SliceOver
         If the time is up.
     """
     samples = draw(

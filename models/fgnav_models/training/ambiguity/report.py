@@ -22,8 +22,7 @@ from fgnav_models.training.ambiguity.failures import (
     shuffled_run_lengths,
 )
 from fgnav_models.training.ambiguity.phases import Findings
-from fgnav_models.training.order import Order
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.order import Order, markdown_table
 
 _SHUFFLES = 2  # stream of random numbers
 
