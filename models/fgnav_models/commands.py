@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 # By the key `kind` of a recipe; each is a `fgnav_models.training.order.Trainer`.
 _TRAINERS: Mapping[str, str] = {
-    "ambiguity": "fgnav_models.training.ambiguity.campaign:run",
+    "ambiguity": "fgnav_models.training.ambiguity.report:run",
     "ambiguity-frame": "fgnav_models.training.ambiguity.frame:run",
     "gravity": "fgnav_models.training.gravity.trainer:run",
     "trust": "fgnav_models.training.trust.trainer:run",
