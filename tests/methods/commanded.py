@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav_sim.data_sets.gravity_motions import MOTIONS, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.data_sets.ranges import uniform
+from fgnav_sim.ranges import uniform
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 

@@ -10,7 +10,7 @@ from fgnav.types.flight import Flight
 from fgnav_sim.data_sets.gravity_bodies import BODIES
 from fgnav_sim.data_sets.gravity_motions import MOTIONS, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.data_sets.ranges import log_uniform, uniform
+from fgnav_sim.ranges import log_uniform, uniform
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 

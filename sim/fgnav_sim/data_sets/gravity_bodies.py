@@ -7,8 +7,8 @@ import msgspec
 import numpy as np
 
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.data_sets.ranges import Draw
 from fgnav_sim.motion import Command, Rate, Sine
+from fgnav_sim.ranges import Draw
 from fgnav_sim.vehicle.flown_table import (
     AttitudeTable,
     FlownTable,

@@ -8,8 +8,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav_sim.data_sets.gravity_world import GravityWorld
-from fgnav_sim.data_sets.ranges import Draw
 from fgnav_sim.motion import Arc, Command, Motion, Rate, Sine, State, Straight, Trajectory
+from fgnav_sim.ranges import Draw
 
 _GRAVITY_MPS2 = 9.81  # for the bank of a coordinated turn alone
 

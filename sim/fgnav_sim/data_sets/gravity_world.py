@@ -5,7 +5,7 @@ from typing import Annotated
 import msgspec
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table
-from fgnav_sim.data_sets.ranges import Range, check_ranges
+from fgnav_sim.ranges import Range, check_ranges
 from fgnav_sim.scenario import ImuTable, Place
 
 Count = Annotated[int, msgspec.Meta(ge=1)]

@@ -23,12 +23,13 @@ def lines(
     log: bool = False,
     levels: Mapping[str, float] | None = None,
 ) -> None:
-    """Draw a line, or markers alone, per name: its x and y; and dashed levels across."""
+    """Draw a line, or markers alone, per name: whole x, and y; and dashed levels across."""
     with _axes(path, labels) as axes:
         for marker, (name, (x, y)) in zip(cycle(_MARKERS), values.items(), strict=False):
             axes.plot(x, y, linestyle=style, marker=marker, markersize=4, label=name)
         for name, level in (levels or {}).items():
             axes.axhline(level, color="0.4", linestyle="--", linewidth=0.8, label=name)
+        axes.xaxis.get_major_locator().set_params(integer=True)
         axes.set_yscale("log" if log else "linear")
         axes.legend()
 

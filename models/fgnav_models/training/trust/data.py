@@ -12,7 +12,6 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_features import OUTLIER, trust_rows
 from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets.epochs import array_epochs
-from fgnav_sim.data_sets.ranges import log_uniform
 from fgnav_sim.data_sets.world import (
     AnySites,
     AnyTimes,
@@ -23,6 +22,7 @@ from fgnav_sim.data_sets.world import (
     World,
 )
 from fgnav_sim.gnss.tables import MultipathTable, ReflectorTable
+from fgnav_sim.ranges import log_uniform
 
 _CLEAN = 0.25  # share of worlds without links worse than stated, and of those with multipath
 

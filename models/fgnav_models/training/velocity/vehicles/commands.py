@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav_models.training.velocity.vehicles.track import STEP_S
-from fgnav_sim.data_sets.ranges import log_uniform
+from fgnav_sim.ranges import log_uniform
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from fgnav_models.training.velocity.vehicles.aeroplane import aeroplane
 from fgnav_models.training.velocity.vehicles.car import car
 from fgnav_models.training.velocity.vehicles.multirotor import multirotor
 from fgnav_models.training.velocity.vehicles.track import Track
-from fgnav_sim.data_sets.ranges import Range, check_ranges, log_uniform
+from fgnav_sim.ranges import Range, check_ranges, log_uniform
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 
 _MAKERS: dict[str, Callable[[float, np.random.Generator], Track]] = {
