@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.gnss.orbits.satellites import satellite_states
-from fgnav_sim.data_sets.world import AnySites, AnyTimes, DayTimes, SatellitesTable, World
+from fgnav_sim.data_sets.world import AnySites, AnyTimes, SatellitesTable, World
 from fgnav_sim.gnss.constellation import built_in_positions, orbits_of_files, satellites_of
 from fgnav_sim.gnss.selection import best_geometry, lasting, period
 from fgnav_sim.scenario import gps_s
@@ -102,7 +102,7 @@ def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
         start_s = time_rng.uniform(0.0, 86_400.0 * world.times.days, moments)
         t_s = np.repeat(start_s, shared)[:runs, None] + step_s * offset
         return _Series(t_s=t_s, p_e_m=p_e_m, R_ne=R_ne, row=np.arange(runs * epochs))
-    grid = _grid(world.times, step_s)
+    grid = max(1, int(np.ceil(world.times.duration_s / step_s - 1e-6)))  # epochs of the span
     first = time_rng.integers(0, grid - epochs, runs, endpoint=True)
     at = first[:, None] + offset
     if isinstance(world.sites, AnySites) or _differs(world.satellites):
@@ -121,11 +121,6 @@ def _differs(table: SatellitesTable) -> bool:
     """Return whether two runs at one place and time may have different satellites."""
     by_chance = table.choose != "all" and table.pick == "random"
     return by_chance or isinstance(table.choose, tuple)
-
-
-def _grid(times: DayTimes, step_s: float) -> int:
-    """Return how many epochs a span holds."""
-    return max(1, int(np.ceil(times.duration_s / step_s - 1e-6)))
 
 
 def _places(

@@ -24,11 +24,6 @@ class Channels:
     satellites: tuple[str, ...]
     signals: tuple[str, ...]
 
-    @property
-    def first_of_satellite(self) -> IntArray:
-        """One channel of each satellite in view, (s,)."""
-        return np.unique(self.at, return_index=True)[1]
-
 
 def channels_in_view(
     sensor: GnssTable, scenario: Scenario, orbits: BroadcastOrbits | PreciseOrbits, t_s: FloatArray

@@ -150,7 +150,8 @@ def run_experiment(
     seconds = perf_counter() - start_s
     answers = answers_of(net, rows, parts.test)
     if keep_weights:
-        wrong = _wrong(samples, parts.test, columns, answers)
+        wrong = answers != samples.cycles[parts.test][:, columns]
+        wrong &= samples.is_present[parts.test][:, columns]
         _save(folder / "weights.safetensors", net.state_dict())
         _save(folder / "failures.safetensors", {"failed": torch.from_numpy(wrong)})
     validation = {}
@@ -172,11 +173,6 @@ def run_experiment(
 
 def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> Figures:
     return figures(answers, samples.cycles[rows][:, columns], samples.is_present[rows][:, columns])
-
-
-def _wrong(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> BoolArray:
-    wrong = answers != samples.cycles[rows][:, columns]
-    return np.asarray(wrong & samples.is_present[rows][:, columns])
 
 
 def read_failures(folder: Path) -> BoolArray:

@@ -136,7 +136,10 @@ def _phase_1(findings: Findings, out: Path) -> list[str]:
         }
         for number, (figure, _) in wanted.items()
     }
-    levels = {name: _benchmark(findings, name) for name in ("rounding", "majority")}
+    levels = {
+        name: float(findings.baselines[name].accuracy_percent[findings.campaign.start.benchmark])
+        for name in ("rounding", "majority")
+    }
     for number, (_, label) in wanted.items():
         draw.lines(
             out / f"figure_{number:02d}.png",
@@ -240,8 +243,9 @@ def _failures(findings: Findings, out: Path) -> list[str]:
         joint[f"{task}, if independent"] = independent_joint_failures(ensemble.failed)[1:]
         chances = conditional_percent(ensemble.failed, findings.group)
         longest = int(np.flatnonzero(real).max(initial=0))
+        more = " or more" if longest == LONGEST else ""
         sections.append(
-            f"{task}: the longest run of failures is {_longest(longest)} epochs, shuffled "
+            f"{task}: the longest run of failures is {longest}{more} epochs, shuffled "
             f"{np.flatnonzero(shuffled >= 0.5).max(initial=0)}; a failure follows a failure in "
             f"{_percent(chances['after_failure'])} %, a success in "
             f"{_percent(chances['after_success'])} %; most networks that failed together: "
@@ -272,18 +276,9 @@ def _with_prefix(findings: Findings, prefix: str) -> dict[str, Result]:
     return {key.removeprefix(prefix): one for key, one in of if key.startswith(prefix)}
 
 
-def _longest(epochs: int) -> str:
-    return f"{epochs} or more" if epochs == LONGEST else str(epochs)
-
-
 def _spread(result: Result, figure: str) -> float:
     values = np.array(result.test[figure], dtype=float)
     return float(values.max() - values.min())
-
-
-def _benchmark(findings: Findings, name: str) -> float:
-    column = findings.campaign.start.benchmark
-    return float(findings.baselines[name].accuracy_percent[column])
 
 
 def _percent(value: float) -> str:

@@ -83,7 +83,10 @@ def run(order: Order) -> list[str]:
     )
     net.cold.fill_(1.0 / temperature(scores(net, validation), validation))
     _release(net, recipe, learned, {}, order)
-    draws = [_laid_over(recipe, order, trial) for trial in recipe.trials]
+    learned_from = said(recipe.draw)
+    draws = [
+        as_table(order.recipe, laid_over(learned_from, one.draw), Draw) for one in recipe.trials
+    ]
     tasks = [(d + 1, k) for d, draw in enumerate(draws) for k in range(draw.arrays)]
     tasks.sort(key=lambda task: task[1])
     work = partial(_judged, recipe, draws, order.out / f"{recipe.name}.json")
@@ -94,10 +97,6 @@ def run(order: Order) -> list[str]:
     }
     _release(net, recipe, learned, worlds, order)
     return table(worlds).split("\n")
-
-
-def _laid_over(recipe: Recipe, order: Order, trial: Trial) -> Draw:
-    return as_table(order.recipe, laid_over(said(recipe.draw), trial.draw), Draw)
 
 
 def _samples(recipe: Recipe, task: tuple[int, int]) -> TrustSamples:
