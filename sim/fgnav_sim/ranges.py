@@ -1,12 +1,14 @@
-"""Ranges that figures are drawn from: two of them in order."""
+"""Counts, and ranges that figures are drawn from: two of them in order."""
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
+import msgspec
 import numpy as np
 
 from fgnav.io.strict_toml import Table
 
+Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 Range: TypeAlias = tuple[float, float]
 Draw: TypeAlias = Callable[[Range], float]
 

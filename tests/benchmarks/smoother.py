@@ -4,7 +4,6 @@ Speeds are flight seconds per second of one core (``process_time``), covariances
 row has a target, that is its peer.
 """
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import process_time
@@ -47,7 +46,6 @@ NAMES = (
     "smoother_batch",
     "smoother_with_integers",
     "smoother_growth",
-    "smoother_memory",
     *(
         f"accuracy_{name.replace('-', '_')}_{angle}"
         for name in ACCURATE
@@ -80,7 +78,7 @@ def run(span_s: float = SPAN_S) -> list[Row]:
         *_solves(problem, setting),
         _stream(min(span_s, STREAM_S)),
         *_methods(flight, given, setting),
-        *_growth(problem),
+        _growth(problem),
         *_accuracy(flight),
     ]
 
@@ -148,26 +146,14 @@ def _methods(flight: Flight, given: Given, setting: str) -> list[Row]:
     ]
 
 
-def _growth(problem: Problem) -> list[Row]:
-    """Return how the window's time and memory grow with the flight."""
+def _growth(problem: Problem) -> Row:
+    """Return how the window's time grows with the flight; its memory: ``smoother_memory``."""
     n = len(problem.t_s)
     counts = (n // SHORT, n)
     works = [lambda k=k: _windowed(problem, k, FixedLag(LAG_S)) for k in counts]
     growth = np.median(np.divide(*timed(works, ROUNDS, process_time).T[::-1]))
-    short_mb, long_mb = (_peak_mb(problem, k) for k in counts)
     note = f"time of {SHORT} times the flight over that of the flight, window of {LAG_S:g} s"
-    return [
-        row("smoother_growth", growth, SHORT, "", f"{note}; peer: linear", less=True),
-        row(
-            "smoother_memory",
-            long_mb,
-            short_mb,
-            "MB",
-            "peak of Python's and numpy's memory in the window, estimates not kept; peer: a tenth "
-            "of the flight; GTSAM's own: smoother_memory_hour",
-            less=True,
-        ),
-    ]
+    return row("smoother_growth", growth, SHORT, "", f"{note}; peer: linear", less=True)
 
 
 def _windowed(problem: Problem, count: int, window: FixedLag) -> None:
@@ -175,15 +161,6 @@ def _windowed(problem: Problem, count: int, window: FixedLag) -> None:
     for keyframe in range(count):
         window.update(problem, keyframe)
     window.rest()
-
-
-def _peak_mb(problem: Problem, count: int) -> float:
-    window = FixedLag(LAG_S)
-    tracemalloc.start()
-    _windowed(problem, count, window)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak / 1e6
 
 
 def _accuracy(flight: Flight) -> list[Row]:

@@ -1,9 +1,7 @@
 """What recipes of networks that measure have in common: how one learns, and what it is told of."""
 
 from collections.abc import Mapping
-from typing import Annotated
 
-import msgspec
 import numpy as np
 import torch
 
@@ -12,8 +10,8 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav.neural.manifest import Statistic
 from fgnav_models.training.order import Order
 from fgnav_models.training.train import Batch, Batches, Loss, Settings
+from fgnav_sim.ranges import Count
 
-Count = Annotated[int, msgspec.Meta(ge=1)]
 _VALIDATIONS = 10
 
 

@@ -1,14 +1,10 @@
 """What a world file may say about samples for learning gravity."""
 
-from typing import Annotated
-
 import msgspec
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table
-from fgnav_sim.ranges import Range, check_ranges
+from fgnav_sim.ranges import Count, Range, check_ranges
 from fgnav_sim.scenario import ImuTable, Place
-
-Count = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class PhasesTable(Table, frozen=True):

@@ -11,9 +11,9 @@ from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
 from fgnav_sim.data_sets.attitudes import Attitudes, UniformAttitudes
-from fgnav_sim.data_sets.gravity_world import Count, GravityWorld
+from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable, check_signals
-from fgnav_sim.ranges import check_ranges
+from fgnav_sim.ranges import Count, check_ranges
 from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place, resolved
 
 # A figure, or the range it is drawn from. Neither constraints nor fixed lengths: msgspec 0.22 takes

@@ -21,7 +21,6 @@ from fgnav_models.training.ambiguity.data import Parts, Rows, Samples, Shuffled
 from fgnav_models.training.ambiguity.nets import (
     AmbiguityNet,
     Architecture,
-    Count,
     Task,
     cycles_of,
     loss_of,
@@ -30,6 +29,7 @@ from fgnav_models.training.ambiguity.nets import (
 )
 from fgnav_models.training.order import Order
 from fgnav_models.training.train import Batch, Settings
+from fgnav_sim.ranges import Count
 
 Targets: TypeAlias = Literal["benchmark", "each", "shared"]
 _CHUNK = 4096  # rows answered at a time

@@ -21,12 +21,13 @@ from fgnav_models.training.ambiguity.experiment import (
     read_weights,
     run_experiment,
 )
-from fgnav_models.training.ambiguity.nets import AmbiguityNet, Count
+from fgnav_models.training.ambiguity.nets import AmbiguityNet
 from fgnav_models.training.ambiguity.released import release_network
 from fgnav_models.training.contract import Release
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import laid_over, plain
 from fgnav_sim.data_sets.world import World
+from fgnav_sim.ranges import Count
 
 ANSWERS = ("network", "rounding", "majority", "same time")
 _DATA, _PARTS, _ELSEWHERE = range(3)  # streams of random numbers

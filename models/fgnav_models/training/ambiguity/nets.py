@@ -15,13 +15,13 @@ from torch import nn
 
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import Table
+from fgnav_sim.ranges import Count
 
 N_MAX = 16  # cycles: the paper's integers lie in [-16, 16]
 CLASSES = 2 * N_MAX + 1
 _LEAST_VARIANCE = 1e-8  # of whitened features; far below the noise of any
 _FIRST_SHARPNESS = 4.0  # log; a score falls by exp(4) one cycle away
 Task: TypeAlias = Literal["classification", "regression"]
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class Architecture(Table, frozen=True):

@@ -10,7 +10,6 @@ import torch
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Table
 from fgnav_models.training.ambiguity.experiment import Experiment
-from fgnav_models.training.ambiguity.nets import Count
 from fgnav_models.training.ambiguity.phases import Grid, three_phases
 from fgnav_models.training.gravity.data import (
     BASELINES,
@@ -28,6 +27,7 @@ from fgnav_models.training.order import Order
 from fgnav_models.training.train import Batch, Settings
 from fgnav_sim.data_sets.gravity import GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import Count
 
 By = Literal["samples", "flights"]
 _DATA = 4  # stream of random numbers

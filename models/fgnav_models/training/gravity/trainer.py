@@ -31,12 +31,13 @@ from fgnav_models.training.gravity.figures import (
 )
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
-from fgnav_models.training.learning import Count, Learning
+from fgnav_models.training.learning import Learning
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import made_with
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import Count
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _FOLLOWED, _SCENARIOS = 10, 11  # 4 is the paper's

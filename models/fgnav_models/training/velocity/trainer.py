@@ -6,7 +6,7 @@ import torch
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.manifest import Covariance, Output
 from fgnav_models.training.contract import Release, factor_input, manifest_of
-from fgnav_models.training.learning import Count, Learning
+from fgnav_models.training.learning import Learning
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import made_with, release
@@ -19,6 +19,7 @@ from fgnav_models.training.velocity.nets import (
     negative_log_likelihood,
 )
 from fgnav_models.training.velocity.vehicles.world import VehiclesWorld
+from fgnav_sim.ranges import Count
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
