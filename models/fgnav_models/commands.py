@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 # By the key `kind` of a recipe; each is a `fgnav_models.training.order.Trainer`.
 _TRAINERS: Mapping[str, str] = {
-    "ambiguity": "fgnav_models.training.ambiguity.campaign:run",
+    "ambiguity": "fgnav_models.training.ambiguity.report:run",
     "ambiguity-frame": "fgnav_models.training.ambiguity.frame:run",
     "gravity": "fgnav_models.training.gravity.trainer:run",
     "trust": "fgnav_models.training.trust.trainer:run",
@@ -72,7 +72,7 @@ def train(
     content = read_toml(recipe)
     kind = content.pop("kind", None)
     trainer = _trainer(recipe, kind, device)
-    from fgnav_models.training.order import Order  # noqa: PLC0415  # torch: seconds
+    from fgnav_models.training.order import Order, SliceOver  # noqa: PLC0415  # torch: seconds
     from fgnav_models.training.plan import cost_lines, planned  # noqa: PLC0415
 
     start_s = perf_counter()
@@ -80,26 +80,26 @@ def train(
         _watched(made_folder(out) / "train.log") as watch,
         planned() if plan else nullcontext() as costs,
     ):
-        lines = trainer(
-            Order(
-                recipe=recipe,
-                content=content,
-                out=out,
-                scale=scale,
-                device=device,
-                deadline_s=inf if plan else perf_counter() + slice_s,
-                watch=watch,
-                plan=plan,
-            )
+        order = Order(
+            recipe=recipe,
+            content=content,
+            out=out,
+            scale=scale,
+            device=device,
+            deadline_s=inf if plan else perf_counter() + slice_s,
+            watch=watch,
+            plan=plan,
         )
+        try:
+            lines = trainer(order)
+        except SliceOver:
+            lines = [f"not done after {slice_s:g} s: the same command with --resume goes on"]
     if costs is not None:
         lines = cost_lines(costs, device, perf_counter() - start_s)
-    if lines is None:
-        lines = [f"not done after {slice_s:g} s: the same command with --resume goes on"]
     print("\n".join(lines))  # noqa: T201
 
 
-def _trainer(recipe: Path, kind: object, device: str) -> "Callable[..., list[str] | None]":
+def _trainer(recipe: Path, kind: object, device: str) -> "Callable[..., list[str]]":
     """Return what runs recipes of a kind, once torch and the device are known to be there."""
     from importlib import import_module  # noqa: PLC0415
     from importlib.util import find_spec  # noqa: PLC0415
@@ -117,7 +117,7 @@ def _trainer(recipe: Path, kind: object, device: str) -> "Callable[..., list[str
 
     if device == "cuda" and not torch.cuda.is_available():
         raise BadInputError("--device cuda: torch sees no NVIDIA GPU; --device cpu works anywhere")
-    trainer: Callable[..., list[str] | None] = getattr(import_module(module), name)
+    trainer: Callable[..., list[str]] = getattr(import_module(module), name)
     return trainer
 
 

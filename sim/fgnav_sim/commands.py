@@ -9,7 +9,7 @@ from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress
 
 if TYPE_CHECKING:
-    from fgnav_sim.dispersions import Draw, Numbers
+    from fgnav_sim.dispersions import Numbers
     from fgnav_sim.scenario import Scenario
     from fgnav_sim.simulate import Simulated
 
@@ -86,17 +86,11 @@ def _make(
         name = "" if batch is None else f"{k + 1:04d}"
         save_flight(one.flight, out / name, rinex=what.gnss.rinex if what.gnss else "3.04")
         if one.draws:
-            _write_draws(out / name / "dispersions.json", seed, one.draws)
+            drawn = {x.key: {"nominal": x.nominal, "value": x.value} for x in one.draws}
+            content = {"seed": seed, "drawn": drawn}
+            write_json(str(out / name / "dispersions.json"), content)
         summaries.append(_summary(one, name, seed))
     return summaries
-
-
-def _write_draws(file: Path, seed: int, draws: "tuple[Draw, ...]") -> None:
-    """Write what was drawn for a flight, by dotted key of the scenario."""
-    from json import dumps  # noqa: PLC0415
-
-    drawn = {draw.key: {"nominal": draw.nominal, "value": draw.value} for draw in draws}
-    file.write_text(dumps({"seed": seed, "drawn": drawn}, indent=2) + "\n", encoding="utf-8")
 
 
 def _summary(made: "Simulated", name: str, seed: int) -> Summary:

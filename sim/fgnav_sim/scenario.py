@@ -9,11 +9,22 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.geometry.earth import GravityModel, Origin
+from fgnav.geometry.earth import GravityModel
+from fgnav.io.gps_time import GPS_EPOCH
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector, as_table, read_toml
 from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
-from fgnav_sim.gnss.tables import BaselineTable, ClockTable, GnssTable, check_names
+from fgnav_sim.gnss.tables import (
+    BaselineTable,
+    ClockTable,
+    GnssTable,
+    Height,
+    Latitude,
+    Longitude,
+    Point,
+    SpanTable,
+    check_names,
+)
 from fgnav_sim.motion import Motion, Trajectory
 from fgnav_sim.sensors.surroundings_tables import BarometerTable, MagnetometerTable
 from fgnav_sim.vehicle.flown_table import FlownTable
@@ -37,7 +48,7 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
     (-0.8, -0.1, 0.1),
     (-0.8, 0.0, -0.1),
 )
-_GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
+_GPS_EPOCH: datetime = GPS_EPOCH.item()  # GPS time has no time zone
 _ON_EARTH = ("gnss", "imu", "seeker", "barometer")  # sensors that know the WGS-84 Earth
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
 
@@ -57,21 +68,12 @@ __all__ = [
 ]
 
 
-class Place(Table, frozen=True):
-    """A point on or above the ellipsoid; Madrid where nothing is said."""
+class Place(Point, frozen=True):
+    """A point; Madrid where nothing is said."""
 
-    latitude_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)] = 40.33
-    longitude_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = -3.88
-    height_m: Annotated[float, msgspec.Meta(gt=-1e4, lt=1e5)] = 700.0
-
-    @property
-    def frame(self) -> Origin:
-        """The frame ``n`` at this place."""
-        return Origin(
-            latitude_rad=math.radians(self.latitude_deg),
-            longitude_rad=math.radians(self.longitude_deg),
-            height_m=self.height_m,
-        )
+    latitude_deg: Latitude = 40.33
+    longitude_deg: Longitude = -3.88
+    height_m: Height = 700.0
 
 
 class ImuTable(Table, frozen=True):
@@ -130,17 +132,10 @@ class OpticsTable(Table, frozen=True):
     saturation_a: Positive | None = None  # no current is larger
 
 
-class OcclusionTable(Table, frozen=True):
+class OcclusionTable(SpanTable, frozen=True):
     """A quadrant, 1 to 4, in the dark during a span of time: its current reads zero."""
 
     quadrant: Annotated[int, msgspec.Meta(ge=1, le=4)]
-    from_s: NotNegative = 0.0
-    until_s: Positive | None = None
-
-    def __post_init__(self) -> None:
-        """Require a span that is not empty."""
-        if self.until_s is not None and self.until_s <= self.from_s:
-            raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
 
 
 class SeekerTable(Table, frozen=True):
@@ -241,13 +236,18 @@ class Scenario(Table, frozen=True):
 
     @property
     def start_gps_s(self) -> float:
-        """Seconds from the GPS epoch to the start, leap seconds not counted."""
-        return (self.start - _GPS_EPOCH).total_seconds()
+        """GPS time of the start."""
+        return gps_s(self.start)
 
     def epochs_s(self, rate_hz: float) -> FloatArray:
         """Return the sample times of a sensor, (n,)."""
         # The small part keeps 60 s at 10 Hz at 600 samples whatever the rounding of the product.
         return np.arange(max(1, math.ceil(self.duration_s * rate_hz - 1e-6))) / rate_hz
+
+
+def gps_s(date: datetime) -> float:
+    """Return seconds from the GPS epoch to a date of GPS time, leap seconds not counted."""
+    return (date - _GPS_EPOCH).total_seconds()
 
 
 def load_scenario(scenario: Path | str) -> Scenario:

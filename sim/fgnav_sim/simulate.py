@@ -27,10 +27,6 @@ _STILL = 1e-6  # m/s and m per root second, of satellites without errors: far be
 _TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
 
-def _silent(_share: float) -> None:
-    """Take note of progress where nobody watches."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Simulated:
     """A flight, and what was drawn for it of the scenario's dispersions."""
@@ -40,7 +36,9 @@ class Simulated:
 
 
 def simulate(
-    scenario: Scenario, rng: np.random.Generator, progress: Callable[[float], None] = _silent
+    scenario: Scenario,
+    rng: np.random.Generator,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Flight:
     """Return the flight that a scenario describes, with its truth.
 
@@ -65,7 +63,7 @@ def simulate(
 def simulate_many(
     scenario: Scenario,
     rngs: Sequence[np.random.Generator],
-    progress: Callable[[float], None] = _silent,
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> Iterator[Simulated]:
     """Yield a flight for each generator, the same that ``simulate`` makes of it alone.
 
@@ -76,23 +74,20 @@ def simulate_many(
     for first in range(0, len(rngs), together):
         streams = [rng.spawn(8) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
-        moving = _moving([one for one, _ in drawn], [stream[5] for stream in streams])
+        moving: list[tuple[Scenario, tuple[Loss, ...]]] = [(one, ()) for one, _ in drawn]
+        if scenario.flown:
+            from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: compiled code
+
+            moving = take_off([one for one, _ in moving], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
         for k, ((settled, losses), (one, draws), stream) in enumerate(parts, start=first):
-            flight = _sensed(settled, stream, _part(progress, k, len(rngs)))
+
+            def watch(share: float, k: int = k) -> None:
+                progress((k + share) / len(rngs))
+
+            flight = _sensed(settled, stream, watch)
             flight = replace(flight, losses=losses + flight.losses, vehicle=_finned(one))
             yield Simulated(flight=flight, draws=draws)
-
-
-def _moving(
-    scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]
-) -> list[tuple[Scenario, tuple[Loss, ...]]]:
-    """Return scenarios whose motion is known, and what could not be flown of each."""
-    if scenarios[0].flown is None:
-        return [(scenario, ()) for scenario in scenarios]
-    from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: it loads compiled code
-
-    return take_off(scenarios, rngs)
 
 
 def _finned(scenario: Scenario) -> FinnedVehicle | None:
@@ -101,11 +96,6 @@ def _finned(scenario: Scenario) -> FinnedVehicle | None:
     if flown is None or not isinstance(flown.vehicle, Vehicle) or flown.vehicle.fins is None:
         return None
     return flown.vehicle.fins.stated()
-
-
-def _part(progress: Callable[[float], None], k: int, count: int) -> Callable[[float], None]:
-    """Return the progress of one flight of a batch."""
-    return lambda share: progress((k + share) / count)
 
 
 def _sensed(

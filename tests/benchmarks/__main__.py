@@ -1,8 +1,7 @@
 """Run the benchmarks, write bench.json and print a table: ``python -m tests.benchmarks [name]``.
 
-A benchmark is a module beside this one with ``run() -> list[dict]``; each row has name, ours, peer,
-ratio (above 1: ours is better), unit and note. A module may list the names of its rows in
-``NAMES``, so that asking for one row does not run the others' modules.
+A benchmark is a module beside this one with ``run() -> list[Row]``. A module may list the names of
+its rows in ``NAMES``, so that asking for one row does not run the others' modules.
 """
 
 import json
@@ -12,14 +11,15 @@ import traceback
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from fgnav.io.atomic_write import write_text
+from tests.benchmarks._rows import KEYS, ROOT, Row
+
 HERE = Path(__file__).resolve().parent
-BENCH_JSON = HERE.parent.parent / "bench.json"
-KEYS = ("name", "ours", "peer", "ratio", "unit", "note")
+BENCH_JSON = ROOT / "bench.json"
 
 
 def main(only: str = "") -> int:
@@ -37,7 +37,7 @@ def main(only: str = "") -> int:
             failed.append(path.stem)
             continue
         rows += [row for row in found if only in ("", path.stem, row["name"])]
-    write(rows)
+    write_text(BENCH_JSON, json.dumps(rows, indent=2) + "\n")
     show(rows)
     for stem in failed:
         print(f"{stem}: failed")
@@ -52,23 +52,11 @@ def wanted(module: ModuleType, stem: str, only: str) -> bool:
     return not only or only == stem or names is None or only in names
 
 
-def write(rows: list[dict[str, Any]]) -> None:
-    """Write bench.json, whole or not at all."""
-    part = BENCH_JSON.with_suffix(f".{os.getpid()}.part")
-    part.write_text(
-        json.dumps([{key: row.get(key) for key in KEYS} for row in rows], indent=2) + "\n"
-    )
-    part.replace(BENCH_JSON)
-
-
-def show(rows: list[dict[str, Any]]) -> None:
+def show(rows: list[Row]) -> None:
     """Print the rows as a table."""
-    table = Table("name", "ours", "peer", "ratio", "unit", "note", title=str(BENCH_JSON.name))
-    for row in rows:
-        figures = [figure(row.get(key)) for key in ("ours", "peer", "ratio")]
-        table.add_row(
-            str(row["name"]), *figures, str(row.get("unit", "")), str(row.get("note", ""))
-        )
+    table = Table(*KEYS, title=BENCH_JSON.name)
+    for name, *figures, unit, note in (row.values() for row in rows):
+        table.add_row(name, *map(figure, figures), unit, note)
     Console(width=None if sys.stdout.isatty() else 140).print(table)
 
 

@@ -14,7 +14,7 @@ from fgnav.types.flight import Flight
 from fgnav_sim.motion import Motion, Rate, Sine
 from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
-from tests.robustness.drawn.flights import SCENARIOS, Weave
+from tests.robustness.drawn.flights import Weave
 
 ONE_B_M = ((0.3, 0.0, -0.2),)
 SEEN_FROM_M = 2e4  # the landmark, all along the flight
@@ -29,8 +29,8 @@ def clean_flight(kind: str, seed: int) -> Flight:
 
 def shipped(name: str, duration_s: float, *, gyro: bool = False, **gnss: Any) -> Scenario:
     """Return a scenario of the simulator whose satellites err, with a gyroscope if asked for."""
-    scenario = load_scenario(SCENARIOS / f"{name}.toml")
-    imu = load_scenario(SCENARIOS / "surroundings.toml").imu if gyro else scenario.imu
+    scenario = load_scenario(name)
+    imu = load_scenario("surroundings").imu if gyro else scenario.imu
     receivers = change(scenario.gnss, message_errors=True, **gnss)
     return change(scenario, duration_s=duration_s, imu=imu, gnss=receivers)
 
@@ -67,7 +67,7 @@ def spin(rng: np.random.Generator) -> Scenario:
 def instruments(rng: np.random.Generator) -> Scenario:
     """Return fixes and a gyroscope with barometer, magnetometer and line of sight."""
     terminal = shipped("terminal", 40.0, gyro=True)
-    surroundings = load_scenario(SCENARIOS / "surroundings.toml")
+    surroundings = load_scenario("surroundings")
     return change(
         terminal,
         motion=change(terminal.motion, roll=drawn_sine(rng)),

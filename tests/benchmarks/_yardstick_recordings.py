@@ -18,6 +18,7 @@ from fgnav.methods.smoother import Batch
 from fgnav.types.estimate import Estimate
 from tests import test_wettzell
 from tests.benchmarks import car
+from tests.benchmarks._rows import DATA
 from tests.benchmarks._yardstick_results import judged, solved
 from tests.recordings import quadrotor, uav
 
@@ -39,7 +40,7 @@ def constants(estimate: Estimate) -> dict[str, float]:
     return {one.name: one.value.item() for one in scalars} | sigmas
 
 
-def drive(_: Path) -> dict:
+def drive() -> dict:
     """Return the car with a fix each second, against the fixes withheld between."""
     case = "withheld_batch"
     whole, given = car.flight_of(case)
@@ -53,13 +54,13 @@ def drive(_: Path) -> dict:
     return solved(lambda: car.solved(case, whole, given), evaluate)
 
 
-def quadrotor_path(data: Path, path: str) -> dict:
+def quadrotor_path(path: str) -> dict:
     """Return a quadrotor: attitude against its autopilot, and NEES of withheld positions.
 
     The inertial unit's mounting is not known: the mean rotation between the two is removed.
     """
-    flight = quadrotor(data, path)
-    file = data / "flights" / "quadrotor" / path / "GT.csv"
+    flight = quadrotor(DATA, path)
+    file = DATA / "flights" / "quadrotor" / path / "GT.csv"
     table = np.genfromtxt(file, delimiter=",", skip_header=1)
     euler = np.unwrap(np.radians(table[:, [5, 4, 3]]), axis=0)
     t_s, imu_s = flight.fixes[0].t_s, flight.imu.t_s
@@ -84,9 +85,9 @@ def quadrotor_path(data: Path, path: str) -> dict:
     return kept | solved(lambda: Batch()(flight), attitude)
 
 
-def thor75(data: Path) -> dict:
+def thor75() -> dict:
     """Return a UAV in the air against its on-board filter, which has the same measurements."""
-    flight = within(uav(data), *UAV_S)
+    flight = within(uav(DATA), *UAV_S)
 
     def evaluate(estimate: Estimate) -> dict:
         airborne = np.linalg.norm(estimate.v_n_mps, axis=1) > AIRBORNE_MPS
@@ -99,16 +100,16 @@ def thor75(data: Path) -> dict:
     return solved(lambda: Batch()(flight), evaluate)
 
 
-def independent(data: Path, name: str, noise: str, *, wind_up: bool) -> dict:
+def independent(name: str, noise: str, *, wind_up: bool) -> dict:
     """Return a flight of another simulator, whose phases have no wind-up, against its truth."""
-    flight = fgnav.load_flight(data / "flights" / name)
+    flight = fgnav.load_flight(DATA / "flights" / name)
     flight = replace(flight, gnss_noise=replace(flight.gnss_noise, wind_up=wind_up))
     return judged(lambda: Batch(noise=noise)(flight), flight.truth)
 
 
-def wettzell(data: Path) -> dict:
+def wettzell() -> dict:
     """Return two antennas of a station: share of epochs with right integers, and their angles."""
-    places = {"wettzell": data / "wettzell", "orbits": data / "orbits"}
+    places = {"wettzell": DATA / "wettzell", "orbits": DATA / "orbits"}
     text = test_wettzell.FLIGHT.format(**places, signals=test_wettzell.GPS)
     with TemporaryDirectory(prefix="fgnav-wettzell-") as folder:
         (Path(folder) / "flight.toml").write_text(text)
@@ -125,7 +126,7 @@ def wettzell(data: Path) -> dict:
     return solved(lambda: MaximumLikelihood()(flight), evaluate)
 
 
-RECORDINGS: dict[str, Callable[[Path], dict]] = {
+RECORDINGS: dict[str, Callable[[], dict]] = {
     "wettzell": wettzell,
     **{
         f"{name}_{noise}": partial(independent, name=name, noise=noise, wind_up=False)

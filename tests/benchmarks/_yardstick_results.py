@@ -18,7 +18,6 @@ the luck of the draw. The reference of an RMSE is the larger of the clean flight
 deviation: by luck the first may be small.
 """
 
-import re
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -38,14 +37,6 @@ OUTCOMES = ("right", "degraded", "refused", "said and wrong", "silent and wrong"
 WRONG_NEES, MORE_THAN_CLEAN = 10.0, 2.5
 CLEAN_NEES = float(chdtri(3, 1e-3))
 COMPARABLE, MOST_EPOCHS = 2.0, 0.9
-# For estimates without ``consistent``: notes that name a contradiction, and noise by its factor.
-CONTRADICTED = re.compile(
-    "contradict|left out|taken (back|out)|put back|are late|tags go on|disagree|corrected"
-    "|against each other|is off where|off its place|larger than stated|not as stated"
-    "|what noise explains|stands for the stated|stands still|louder than its noise"
-)
-NOISE = re.compile(r"(\d[\d.]*(?:e[+-]?\d+)?) x what flight.toml states")
-FEW = 0.01  # share of epochs: isolated outliers are no contradiction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,8 +44,8 @@ class Result:
     """One estimate of one flight.
 
     ``rmse``, ``sigma`` and ``nees`` are by ``STATES``, without those that are open; ``seconds`` are
-    of processor, of the estimate alone; ``said`` is whether there are ``reasons``, which
-    ``reported_contradictions`` returns.
+    of processor, of the estimate alone; ``said`` is whether the estimate is reported as not
+    consistent.
     """
 
     part: str
@@ -68,33 +59,11 @@ class Result:
     epochs: int = 0
     converged: bool = False
     said: bool = False
-    reasons: tuple[str, ...] = ()
     rmse: dict[str, float] = field(default_factory=dict)
     sigma: dict[str, float] = field(default_factory=dict)
     nees: dict[str, float] = field(default_factory=dict)
     figures: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-
-
-def reported_contradictions(estimate: Estimate) -> tuple[str, ...]:
-    """Return by what the estimate reports that its measurements contradict each other, if it does.
-
-    Of an estimate without ``consistent``: innovations leave their band, a note names a
-    contradiction, noise is identified above the nominal, or measurements are rejected for a span of
-    time or in many epochs.
-    """
-    consistent = getattr(estimate, "consistent", None)
-    if consistent is not None:
-        return () if consistent else ("verdict",)
-    notes, rejected = estimate.notes, estimate.rejections
-    lasts = any(one.until_s > one.from_s for one in rejected)
-    found = {
-        "innovations": any(sensor.contradictions for sensor in estimate.consistency),
-        "note": any(CONTRADICTED.search(note) for note in notes),
-        "noise": any(float(factor) > 1 for note in notes for factor in NOISE.findall(note)),
-        "rejections": lasts or len(rejected) > FEW * estimate.epochs,
-    }
-    return tuple(name for name, is_there in found.items() if is_there)
 
 
 def solved(solve: Callable[[], Estimate], evaluate: Callable[[Estimate], dict]) -> dict:
@@ -104,8 +73,7 @@ def solved(solve: Callable[[], Estimate], evaluate: Callable[[Estimate], dict]) 
         estimate = solve()
         fields["seconds"] = process_time() - begin
         fields |= {"epochs": len(estimate.t_s), "converged": estimate.converged}
-        reasons = reported_contradictions(estimate)
-        fields |= {"said": bool(reasons), "reasons": reasons, "notes": estimate.notes}
+        fields |= {"said": not estimate.consistent, "notes": estimate.notes}
         return fields | evaluate(estimate)
     except FgnavError as error:
         failed = {"failure": f"{type(error).__name__}: {error}", "outcome": "refused"}

@@ -4,7 +4,6 @@ The real ones are the Wettzell recordings of FGNAV_SHARED, GPS L1 at rising elev
 them these rows are left out. A wrong epoch is one with any wrong integer among those accepted.
 """
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -27,9 +26,9 @@ from fgnav.types.integers import Resolver
 from fgnav_sim.gnss.tables import MultipathTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight
 
-ROOT = Path(__file__).resolve().parents[2]
 MASKS = (10, 15, 20, 25, 30, 35)
 SECONDS, SEEDS = 40.0, 12
 ECHOES = MultipathTable(code_m=1.0, phase_m=0.002, time_constant_s=20.0)
@@ -59,17 +58,16 @@ class Tally:
     seconds: float
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return the rows."""
-    return [*_wettzell(), *_flights(), *_pairs()]
+    return [*_wettzell(), *_flights()]
 
 
-def _wettzell() -> list[dict[str, object]]:
-    shared = ROOT / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
-    if not (shared / "wettzell").is_dir():
+def _wettzell() -> list[Row]:
+    if not (DATA / "wettzell").is_dir():
         return []
     with TemporaryDirectory() as folder:
-        flight = load_flight(write_flight(Path(folder), shared))
+        flight = load_flight(write_flight(Path(folder), DATA))
     differences = double_differences(flight)
     rows = []
     for mask in MASKS:
@@ -79,23 +77,19 @@ def _wettzell() -> list[dict[str, object]]:
     return rows
 
 
-def _flights() -> list[dict[str, object]]:
+def _flights() -> list[Row]:
+    """Return what is accepted of two arrays, and of a pair under echoes: many seeds."""
     rows = []
     for name, (scenario, gnss) in FLIGHTS.items():
         rows += _rows(name, [_simulated(scenario, gnss, 1)])
-    return rows
-
-
-def _pairs() -> list[dict[str, object]]:
-    """Two antennas of the array under echoes, many seeds: what is accepted must be right."""
-    return _rows("pair", [_simulated("demo", {**FLIGHTS["echoes"][1]}, s, 2) for s in range(SEEDS)])
+    return rows + _rows("pair", [_simulated(*FLIGHTS["echoes"], s, 2) for s in range(SEEDS)])
 
 
 Case = tuple[DoubleDifferences, Flight, IntArray, BoolArray]
 
 
 def _simulated(name: str, gnss: dict[str, object], seed: int, antennas: int = 8) -> Case:
-    scenario = load_scenario(ROOT / "sim" / "fgnav_sim" / "scenarios" / f"{name}.toml")
+    scenario = load_scenario(name)
     table = msgspec.structs.replace(scenario.gnss, **gnss)
     changed: dict[str, object] = {"duration_s": SECONDS, "gnss": table, "imu": None}
     if antennas == 2:
@@ -106,7 +100,7 @@ def _simulated(name: str, gnss: dict[str, object], seed: int, antennas: int = 8)
     return d, flight, true, d.resolvable.any(axis=(1, 2))
 
 
-def _rows(label: str, cases: list[Case]) -> list[dict[str, object]]:
+def _rows(label: str, cases: list[Case]) -> list[Row]:
     rows = []
     for name, (over_arcs, alone) in RESOLVERS.items():
         ours, peer = _tally(over_arcs, cases), _tally(alone, cases)
@@ -115,9 +109,7 @@ def _rows(label: str, cases: list[Case]) -> list[dict[str, object]]:
             f"single epochs; epochs with a wrong one {ours.wrong} against {peer.wrong}; "
             f"{ours.seconds:.2f} against {peer.seconds:.2f} s"
         )
-        row: dict[str, object] = {"name": f"arcs_{name}_{label}", "ours": ours.links}
-        ratio = ours.links / peer.links if peer.links else None
-        rows.append({**row, "peer": peer.links, "ratio": ratio, "unit": "%", "note": note})
+        rows.append(row(f"arcs_{name}_{label}", ours.links, peer.links, "%", note))
     return rows
 
 

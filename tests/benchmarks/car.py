@@ -3,12 +3,11 @@
 The drive of the shared data with the noise of its unit's data sheet and of its fixes' own sigmas,
 samples stretched as its authors do. Fixes are withheld between whole seconds, or lost for 15 s of
 every 45 from 40 s on, as its authors cut them; their own filter is the peer there. Nothing is said
-without ``FGNAV_SHARED``. ``CAR_CASES`` names some of ``CASES``.
+without the recording. ``CAR_CASES`` names some of ``CASES``.
 """
 
 import os
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,9 +17,9 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Fixes, Flight
 from fgnav.types.vehicle import WheeledVehicle
+from tests.benchmarks._rows import DATA, Row, row
 from tests.recordings import drive
 
-SHARED = os.environ.get("FGNAV_SHARED")
 METHODS = {"batch": Batch(), "smoother": Smoother(), "forward": Forward()}
 CASES = (
     *(f"{kind}_{method}" for kind in ("withheld", "outages") for method in METHODS),
@@ -28,19 +27,12 @@ CASES = (
     "plain_own_counter_batch",
 )
 ASKED = tuple(filter(None, os.environ.get("CAR_CASES", "").split(","))) or CASES
-ROWS = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 FIRST_S, LAST_S, LENGTH_S, EVERY_S = 40.0, 30.0, 15.0, 45.0  # README of the recording
-AUTHORS_N_M, AUTHORS_MOST_M = (0.155, 0.253, 0.089), 0.66
+AUTHORS_N_M = (0.155, 0.253, 0.089)
 MOVING_MPS, STRAIGHT_DEGPS = 4.0, 1.0
 WINDOW_S = 60.0
 SURE_DEG = 5.0
 ROUNDING_M = 0.011 / np.sqrt(12)  # of the recording's coordinates
-
-
-def kept(flight: Flight, rows: BoolArray) -> Flight:
-    """Return a flight with some of its fixes."""
-    some = {n: getattr(flight.fixes[0], n)[rows] for n in ROWS}
-    return replace(flight, fixes=(replace(flight.fixes[0], **some),))
 
 
 def thinned(flight: Flight, rate_hz: int) -> BoolArray:
@@ -125,7 +117,7 @@ def constants(estimate: Estimate) -> str:
 
 def flight_of(case: str) -> tuple[Flight, BoolArray]:
     """Return the whole drive, and which of its fixes a case is given, as a mask (n,)."""
-    whole = drive(Path(SHARED or "") / "data", stretched="own_counter" not in case)
+    whole = drive(DATA, stretched="own_counter" not in case)
     if case.startswith("withheld"):
         return whole, thinned(whole, 1)
     if case.startswith("outages"):
@@ -136,7 +128,7 @@ def flight_of(case: str) -> tuple[Flight, BoolArray]:
 
 def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
     """Return the estimate of a case from the given rows of the whole drive's fixes."""
-    flight = kept(whole, rows)
+    flight = replace(whole, fixes=(whole.fixes[0][rows],))
     name = case.rsplit("_", 1)[1]
     method = METHODS[name]
     if case.startswith("outages") and name != "batch":
@@ -148,7 +140,7 @@ def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
     return method.at(flight, t_s[(t_s >= first_s) & (t_s < imu_s[-1])])
 
 
-def _row(case: str) -> dict:
+def _row(case: str) -> Row:
     whole, rows = flight_of(case)
     estimate = solved(case, whole, rows)
     answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
@@ -164,19 +156,13 @@ def _row(case: str) -> dict:
             f"{north:.4f} {east:.4f} {down:.4f} m, {size:.2f} at most, NEES {off.nees:.1f}; {note}"
         )
         ours, peer = float(np.linalg.norm(off.rms_n_m)), float(np.linalg.norm(AUTHORS_N_M))
-    return {
-        "name": f"car_{case}",
-        "ours": ours,
-        "peer": peer,
-        "ratio": ours / peer if case.startswith("plain") else peer / ours,
-        "unit": "" if case.startswith("plain") else "m",
-        "note": note,
-    }
+    less = not case.startswith("plain")
+    return row(f"car_{case}", ours, peer, "m" if less else "", note, less=less)
 
 
 NAMES = tuple(f"car_{case}" for case in CASES)
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return a row for each case."""
-    return [_row(case) for case in ASKED] if SHARED else []
+    return [_row(case) for case in ASKED] if DATA.is_dir() else []

@@ -1,13 +1,11 @@
 """Epochs per second of the closed forms, against a loop over scipy's ``Rotation.align_vectors``."""
 
-from collections.abc import Callable
-from time import perf_counter
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fgnav.attitude.vector_pairs import VectorPairs, paper_matrix, wahba
 from fgnav.geometry import rotations
+from tests.benchmarks._rows import Row, row, timed
 
 NAMES = ("closed_form", "closed_form_paper")
 EPOCHS, PEER_EPOCHS, REPEATS = 20_000, 1_000, 5
@@ -17,7 +15,7 @@ ARRAY_B_M = np.array(
 )  # fmt: skip
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Time the batched closed forms and the loop on the paper's seven baselines with 5 mm noise."""
     rng = np.random.default_rng(35)
     R_nb = rotations.exp(rng.uniform(-1, 1, (EPOCHS, 3)))
@@ -33,26 +31,13 @@ def run() -> list[dict[str, object]]:
         for k in range(PEER_EPOCHS):
             Rotation.align_vectors(v_n[k], ARRAY_B_M)
 
-    peer = _epochs_per_s(loop, PEER_EPOCHS)
-    cases: dict[str, tuple[Callable[[], object], str]] = {
-        "closed_form": (lambda: wahba(pairs), "Wahba by SVD, batched"),
-        "closed_form_paper": (lambda: paper_matrix(pairs), "the paper's T, Eq. 20"),
-    }
-    rows: list[dict[str, object]] = []
-    for name, (closed_form, what) in cases.items():
-        ours = _epochs_per_s(closed_form, EPOCHS)
-        note = f"{what}, against a loop of scipy's Rotation.align_vectors, 7 vectors"
-        row = {"name": name, "ours": ours, "peer": peer, "ratio": ours / peer}
-        rows.append({**row, "unit": "epochs/s", "note": note})
-    return rows
-
-
-def _epochs_per_s(work: Callable[[], object], epochs: int) -> float:
-    """Return the best of a few runs: on a shared machine the others measure the neighbours."""
-    work()
-    seconds = []
-    for _ in range(REPEATS):
-        start = perf_counter()
-        work()
-        seconds.append(perf_counter() - start)
-    return epochs / min(seconds)
+    works = [lambda: wahba(pairs), lambda: paper_matrix(pairs), loop]
+    # The best of a few: on a shared machine the others measure the neighbours.
+    *ours, peer = [EPOCHS, EPOCHS, PEER_EPOCHS] / timed(works, REPEATS).min(axis=0)
+    note = "against a loop of scipy's Rotation.align_vectors, 7 vectors"
+    return [
+        row(name, rate, peer, "epochs/s", f"{what}, {note}")
+        for name, rate, what in zip(
+            NAMES, ours, ("Wahba by SVD, batched", "the paper's T, Eq. 20"), strict=True
+        )
+    ]

@@ -13,7 +13,6 @@ import os
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial, reduce
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -38,9 +37,9 @@ from fgnav_sim.motion import Hold, Ramp, Rate, Sine
 from fgnav_sim.propagation.message_errors import with_message_errors
 from fgnav_sim.scenario import FixesTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 from tests.methods.true_gravity import TrueGravity
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS = int(os.environ.get("CONSISTENCY_FLIGHTS", "10"))
 SEED = int(os.environ.get("CONSISTENCY_SEED", "20000"))
 PROCESSES = int(os.environ.get("CONSISTENCY_PROCESSES", "2"))
@@ -115,7 +114,7 @@ def drawn_turns(
 def cases() -> dict[str, Scenario]:
     """Return the scenarios by name."""
     change = msgspec.structs.replace
-    six, spin = (load_scenario(SCENARIOS / f"{name}.toml") for name in ("six", "spin"))
+    six, spin = (load_scenario(name) for name in ("six", "spin"))
     sine = {a: turned(six, Sine(amplitude_deg=a)) for a in (5.0, 20.0, 45.0)}
     gyroscope = change(
         six.imu,
@@ -138,14 +137,14 @@ def cases() -> dict[str, Scenario]:
         "spin2hz": change(spin, motion=change(spin.motion, roll=Rate(rate_degps=720.0))),
         "gnss1hz": change(sine[20.0], gnss=change(six.gnss, rate_hz=1.0)),
         "gyro": change(sine[20.0], imu=gyroscope),
-        "sight": load_scenario(SCENARIOS / "terminal.toml"),
+        "sight": load_scenario("terminal"),
         "no_phase": change(sine[20.0], gnss=None, fixes=FixesTable(rate_hz=10.0)),
         "between": sine[20.0],
         # Of the model's own motion: its rate prior stated, so that all of the model is as the truth
         # is drawn; and identified from the flight, as it is of all others.
         "drawn": change(turned(six, Hold()), duration_s=20.0),
         "drawn_identified": change(turned(six, Hold()), duration_s=20.0),
-        **{name: load_scenario(SCENARIOS / f"{name}.toml") for name in FLOWN},
+        **{name: load_scenario(name) for name in FLOWN},
     }
 
 
@@ -307,9 +306,9 @@ def anees(errors: FloatArray, covariances: FloatArray) -> tuple[FloatArray, floa
     return mean, float(((mean > low) & (mean < high)).mean())
 
 
-def rows_of(name: str, flights: list[Flown]) -> list[dict[str, object]]:
+def rows_of(name: str, flights: list[Flown]) -> list[Row]:
     """Return the figures of one case, of the epochs that all its flights have."""
-    rows: list[dict[str, object]] = []
+    rows = []
     ratios, notes = [], []
     t_s = reduce(np.intersect1d, [f.t_s for f in flights])
     at = [np.searchsorted(f.t_s, t_s) for f in flights]
@@ -324,9 +323,9 @@ def rows_of(name: str, flights: list[Flown]) -> list[dict[str, object]]:
         shares = ", ".join(f"{w:.1f}" for w in within)
         notes.append(f"{state} {ratios[-1]:.2f}")
         rows.append(
-            _row(
+            row(
                 f"anees_{state}_{name}",
-                float(mean.mean()),
+                mean.mean(),
                 3.0,
                 "chi2",
                 f"{100 * inside:.0f} % of epochs in the 95 % band; first and last half second "
@@ -338,17 +337,17 @@ def rows_of(name: str, flights: list[Flown]) -> list[dict[str, object]]:
     left = max(len(f.t_s) for f in flights) - len(t_s)
     count = f"{len(flights)} flights, {converged} converged, {left} epochs not of all"
     note = f"{count}; RMSE over RMS sigma: {', '.join(notes)}"
-    rows.append(_row(f"rmse_over_sigma_{name}", ratios[0], 1.0, "", note))
+    rows.append(row(f"rmse_over_sigma_{name}", ratios[0], 1.0, "", note))
     rmse_deg = np.sqrt(np.mean([(f.euler_deg**2).mean(axis=0) for f in flights], axis=0))
     bounds = np.sqrt(np.mean([f.bounds_deg**2 for f in flights], axis=0))
     for angle, ours, (one, posterior) in zip(ANGLES, rmse_deg, bounds.T, strict=True):
         note = f"peer: bound of one epoch's phase; posterior bound {posterior:.4f} deg"
-        peer = float(one) if np.isfinite(one) else None
-        rows.append(_row(f"rmse_{name}_{angle}", float(ours), peer, "deg", note))
+        peer = one if np.isfinite(one) else None
+        rows.append(row(f"rmse_{name}_{angle}", ours, peer, "deg", note, less=True))
     squares = [(f.errors["attitude"] ** 2).sum(axis=1).mean() for f in flights]
-    whole_deg = float(np.degrees(np.sqrt(np.mean(squares))))
+    whole_deg = np.degrees(np.sqrt(np.mean(squares)))
     note = "of the turn from estimate to truth: near the vertical roll and yaw err together"
-    rows.append(_row(f"rmse_{name}_turn", whole_deg, None, "deg", note))
+    rows.append(row(f"rmse_{name}_turn", whole_deg, None, "deg", note))
     return rows
 
 
@@ -367,9 +366,9 @@ def one(name: str, seed: int) -> Flown:
     return judged(flight, estimate, true_bias(name, seed), bounds_deg)
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Fly all cases, or those that are asked for."""
-    rows: list[dict[str, object]] = []
+    rows = []
     asked = os.environ.get("CONSISTENCY_CASES")
     seeds = range(SEED, SEED + FLIGHTS)
     with ProcessPoolExecutor(PROCESSES) as processes:
@@ -377,8 +376,3 @@ def run() -> list[dict[str, object]]:
             if asked is None or name in asked.split(","):
                 rows += rows_of(name, list(processes.map(partial(one, name), seeds)))
     return rows
-
-
-def _row(name: str, ours: float, peer: float | None, unit: str, note: str) -> dict[str, object]:
-    ratio = None if peer is None else (peer / ours if unit == "deg" else ours / peer)
-    return {"name": name, "ours": ours, "peer": peer, "ratio": ratio, "unit": unit, "note": note}

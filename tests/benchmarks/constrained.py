@@ -1,7 +1,6 @@
 """The array-constrained search: right answers, microseconds, and a day in constant memory."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from resource import getpagesize
 from time import perf_counter
@@ -14,6 +13,7 @@ from fgnav.integers.array.search import PROVEN, search_constrained
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.types.integers import Resolver
+from tests.benchmarks._rows import Row, row, timed
 from tests.benchmarks.integers import array_search
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
@@ -35,7 +35,7 @@ NAMES = (
 )
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Count right answers, then time."""
     rng = np.random.default_rng(20)
     rows = [
@@ -58,7 +58,7 @@ def _success(
     code_m: float,
     satellites: tuple[int, ...] = (6,),
     antennas_b_m: FloatArray = PAPER_ANTENNAS_B_M,
-) -> dict[str, object]:
+) -> Row:
     n = EPOCHS if satellites == (6,) and len(antennas_b_m) == len(PAPER_ANTENNAS_B_M) else 4000
     made = make(rng, epochs=n, code_m=code_m, satellites=satellites, antennas_b_m=antennas_b_m)
     start = perf_counter()
@@ -71,35 +71,32 @@ def _success(
         f"P(wrong) below 1e-3, {(sure & ~right).sum()} of them wrong; {each_us:.0f} us per epoch"
     )
     share = 100.0 * float(right.mean())
-    row: dict[str, object] = {"name": name, "ours": share, "peer": target}
-    return {**row, "ratio": share / target, "unit": "%", "note": note}
+    return row(name, share, target, "%", note)
 
 
-def _times() -> list[dict[str, object]]:
+def _times() -> list[Row]:
     differences = make(np.random.default_rng(2), epochs=500, code_m=0.3, sine=True).differences
-    batch_us = _best_us(partial(search_constrained, differences, NODES)) / 500
     one = make(np.random.default_rng(3), epochs=1, code_m=0.3, sine=True)
-    single_us = _best_us(partial(search_constrained, one.differences, NODES))
-    call_us = _best_us(partial(Constrained(), one.differences, one.flight))
-    peer_us = float(str(array_search(np.random.default_rng(4))["peer"]))
+    works = [
+        lambda: search_constrained(differences, NODES),
+        lambda: search_constrained(one.differences, NODES),
+        lambda: Constrained()(one.differences, one.flight),
+    ]
+    batch_us, single_us, call_us = 1e6 * timed(works, 50).min(axis=0) / [500, 1, 1]
+    peer_us = array_search(np.random.default_rng(4))["peer"]
     note = "8 antennas, 6 satellites, 35 integers; peer: RTKLIB's LAMBDA of as many, same run"
     validated = f"the whole resolver: noise, search, chance of being wrong, chi-square; {note}"
     return [
-        _time_row("constrained_batch", batch_us, peer_us, note),
-        _time_row("constrained_single", single_us, peer_us, note),
-        _time_row("constrained_single_validated", call_us, peer_us, validated),
+        row("constrained_batch", batch_us, peer_us, "us", note, less=True),
+        row("constrained_single", single_us, peer_us, "us", note, less=True),
+        row("constrained_single_validated", call_us, peer_us, "us", validated, less=True),
     ]
 
 
-def _time_row(name: str, ours_us: float, peer_us: float, note: str) -> dict[str, object]:
-    row: dict[str, object] = {"name": name, "ours": ours_us, "peer": peer_us}
-    return {**row, "ratio": peer_us / ours_us, "unit": "us", "note": note}
-
-
-def _day() -> list[dict[str, object]]:
+def _day() -> list[Row]:
     """Resolve 24 h at 1 Hz in chunks: how far the process grows after the first tenth."""
     resolvers: tuple[Resolver, ...] = (Constrained(), Lambda(), constrained_arcs(), lambda_arcs())
-    rows: list[dict[str, object]] = []
+    rows = []
     for resolver in resolvers:
         rng, start, resident_mib = np.random.default_rng(5), perf_counter(), []
         for _ in range(DAY // CHUNK):
@@ -113,21 +110,10 @@ def _day() -> list[dict[str, object]]:
             f"resident set after the first tenth, of {resident_mib[-1]:.0f} in all; "
             f"{perf_counter() - start:.0f} s"
         )
-        name = f"memory_day_{resolver.name}"
-        row: dict[str, object] = {"name": name, "ours": growth_mib, "peer": None}
-        rows.append({**row, "ratio": None, "unit": "MiB", "note": note})
+        rows.append(row(f"memory_day_{resolver.name}", growth_mib, None, "MiB", note))
     return rows
 
 
 def _resident_mib() -> float:
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * getpagesize() / 2**20
-
-
-def _best_us(work: partial[object]) -> float:
-    best = np.inf
-    for _ in range(50):
-        start = perf_counter()
-        work()
-        best = min(best, (perf_counter() - start) * 1e6)
-    return float(best)

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.benchmarks._rows import Row, row
 from tests.robustness.kills import commands, commands_of_models, killed
-from tests.robustness.outcomes import BAD, GOOD, Outcome, case, undamaged
+from tests.robustness.outcomes import BAD, GOOD, case, undamaged
 from tests.robustness.small_flights import write_flights
 from tests.robustness.test_kills import small_inputs
 
@@ -15,7 +16,7 @@ FIRST, CASES = 2_000_000, 5000
 KILLS, KILLS_OF_MODELS = 40, 20  # of each command
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return how many damaged flights end in each way, those that should not as one figure."""
     with tempfile.TemporaryDirectory(prefix="fgnav-damage-") as name:
         folder = Path(name)
@@ -29,13 +30,13 @@ def run() -> list[dict]:
     print(*faults, sep="\n")
     bad = sum(one.kind in BAD for one in outcomes)
     note = f"of {CASES} damaged flights: silent losses, tracebacks, hangs, nameless errors and such"
-    rows = [_row("damage", bad, note)]
-    rows += [
-        _row(f"damage_{kind.replace(' ', '_')}", _count(outcomes, kind), f"of {CASES}: {kind}")
-        for kind in (*GOOD, *BAD)
-    ]
+    rows = [row("damage", bad, None, "cases", note)]
+    for kind in (*GOOD, *BAD):
+        count = sum(one.kind == kind for one in outcomes)
+        name = f"damage_{kind.replace(' ', '_')}"
+        rows.append(row(name, count, None, "cases", f"of {CASES}: {kind}"))
     note = f"torn, lost or other bytes after {hits} kills of commands that were still running"
-    return [*rows, _row("kills", len(faults), note)]
+    return [*rows, row("kills", len(faults), None, "cases", note)]
 
 
 def _kills(flight: Path, folder: Path) -> tuple[list[str], int]:
@@ -48,12 +49,3 @@ def _kills(flight: Path, folder: Path) -> tuple[list[str], int]:
         more, hit = killed(command, times, folder / "kills", np.random.default_rng([6, k]))
         faults, hits = faults + more, hits + hit
     return faults, hits
-
-
-def _count(outcomes: list[Outcome], kind: str) -> int:
-    return sum(one.kind == kind for one in outcomes)
-
-
-def _row(name: str, count: int, note: str) -> dict:
-    row = {"name": name, "ours": float(count), "peer": None, "ratio": None}
-    return {**row, "unit": "cases", "note": note}

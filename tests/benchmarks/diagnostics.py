@@ -5,7 +5,6 @@ Flights differ in motion, sky, noise and seed; each mistake is made on all of th
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter
 
 import msgspec
@@ -15,9 +14,9 @@ from fgnav.diagnostics import describe
 from fgnav.types.flight import Flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 from tests.diagnostics.faults import FAULTS, NEEDS_SEEKER
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS, RIGHT = 20, 200
 MOVING = ("demo", "rough", "terminal", "six")
 GYROSCOPE = {
@@ -33,7 +32,7 @@ NAMES = (
 )
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Check broken and right flights; the targets of the project are the peers."""
     rng = np.random.default_rng(7)
     found, named, whole = {}, {}, 0
@@ -52,27 +51,21 @@ def run() -> list[dict[str, object]]:
         times.append(perf_counter() - begin)
         if findings:
             alarms.append(f"{flight.name}: {findings[0].name}")
+    share = 100 * len(alarms) / RIGHT
     told = ", ".join(f"{name} {found[name]}/{named[name]}" for name in FAULTS)
     note = f"found/named of {FLIGHTS} each: {told}"
     return [
-        _row("diagnostics_found", 100 * sum(found.values()) / whole, 95.0, "%", note),
-        _row("diagnostics_culprit", 100 * sum(named.values()) / whole, 90.0, "%", note),
-        _row("diagnostics_false_alarms", 100 * len(alarms) / RIGHT, 1.0, "%", "; ".join(alarms)),
-        {
-            "name": "diagnostics_seconds",
-            "ours": float(np.median(times)),
-            "peer": None,
-            "ratio": None,
-            "unit": "s",
-            "note": "a minute of flight, median",
-        },
+        row("diagnostics_found", 100 * sum(found.values()) / whole, 95.0, "%", note),
+        row("diagnostics_culprit", 100 * sum(named.values()) / whole, 90.0, "%", note),
+        row("diagnostics_false_alarms", share, 1.0, "%", "; ".join(alarms), less=True),
+        row("diagnostics_seconds", np.median(times), None, "s", "a minute of flight, median"),
     ]
 
 
 def flights(count: int, names: tuple[str, ...], first_seed: int = 0) -> Iterator[Flight]:
     """Yield right flights of a minute or less, with a gyroscope and an accelerometer off centre."""
     for k in range(count):
-        scenario = load_scenario(SCENARIOS / f"{names[k % len(names)]}.toml")
+        scenario = load_scenario(names[k % len(names)])
         rng = np.random.default_rng([first_seed, k])
         arm_b_m = tuple(float(x) for x in rng.choice([-1, 1], 3) * rng.uniform(0.15, 0.4, 3))
         if scenario.imu is None:
@@ -80,8 +73,3 @@ def flights(count: int, names: tuple[str, ...], first_seed: int = 0) -> Iterator
         imu = msgspec.structs.replace(scenario.imu, position_b_m=arm_b_m, **GYROSCOPE)
         flight = simulate(msgspec.structs.replace(scenario, imu=imu), rng)
         yield replace(flight, name=f"{flight.name} {k}")
-
-
-def _row(name: str, ours: float, peer: float, unit: str, note: str) -> dict[str, object]:
-    better = peer / max(ours, 1e-9) if name.endswith("alarms") else ours / peer
-    return {"name": name, "ours": ours, "peer": peer, "ratio": better, "unit": unit, "note": note}

@@ -6,7 +6,6 @@
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -18,14 +17,14 @@ from fgnav.methods.smoother import Batch
 from fgnav.seeker import line_of_sight
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
-from fgnav_sim.gnss.tables import BaseTable
+from fgnav_sim.gnss.tables import Point
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 FLIGHTS = int(os.environ.get("FLIGHT_CONSTANTS_FLIGHTS", "24"))
 SEED = 20_000  # the first; none that has chosen a constant of the library
-BASE = BaseTable(latitude_deg=40.36, longitude_deg=-3.90, height_m=700.0)
+BASE = Point(latitude_deg=40.36, longitude_deg=-3.90, height_m=700.0)
 ANTENNA_M, LANDMARK_M, BORESIGHT_RAD = 0.03, 5.0, np.radians(1.0)
 NAMES = tuple(
     f"{name}_{figure}"
@@ -95,7 +94,7 @@ CASES = {
 }
 
 
-def run(count: int = FLIGHTS) -> list[dict[str, object]]:
+def run(count: int = FLIGHTS) -> list[Row]:
     """Return, for each way, RMS errors against the flight rightly described, and the NEES."""
     rows = []
     for name, case in CASES.items():
@@ -106,28 +105,16 @@ def run(count: int = FLIGHTS) -> list[dict[str, object]]:
             f"{count} flights of {case.scenario}, {' '.join(case.words)}; peer: rightly described"
         )
         note += f"; described wrongly and not estimated {wrong:.4f} deg"
-        rows.append(row(f"{name}_rmse", ours, right, "deg", note))
+        rows.append(row(f"{name}_rmse", ours, right, "deg", note, less=True))
         note = f"mean squared error of what is estimated over its covariance; peer: its {size:.0f} "
         note += f"dimensions; within 3 sigma in every axis: {100 * within:.0f} % of flights"
-        rows.append(row(f"{name}_nees", squared, size, "", note))
+        rows.append(row(f"{name}_nees", squared, size, "", note, less=True))
     return rows
-
-
-def row(name: str, ours: float, peer: float, unit: str, note: str) -> dict[str, object]:
-    """Return a row of the table; the ratio is above 1 where ours is smaller."""
-    return {
-        "name": name,
-        "ours": float(ours),
-        "peer": float(peer),
-        "ratio": float(peer / ours),
-        "unit": unit,
-        "note": note,
-    }
 
 
 def flown(case: Case, count: int) -> Iterator[tuple[float, ...]]:
     """Yield RMS angles of the three estimates, NEES and 3-sigma hit of the constant, its size."""
-    scenario = load_scenario(SCENARIOS / f"{case.scenario}.toml")
+    scenario = load_scenario(case.scenario)
     if case.scenario == "demo":
         scenario = msgspec.structs.replace(scenario, duration_s=20.0)
     if case.fault is landmark:  # else positions have metres in common, which hide where it is

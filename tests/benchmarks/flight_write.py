@@ -1,6 +1,5 @@
 """Simulating and writing flights: one minute of eight antennas at 10 Hz, alone and in a batch."""
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -12,17 +11,16 @@ import numpy as np
 from fgnav.io.flight.folder import save_flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SETTING = "demo.toml: 60 s, 8 antennas, 10 Hz, 100 Hz accelerometer"
 BATCH = 20
 REPEATS = 5
 NAMES = ("flight_write", "flight_simulate", "flight_batch")
-CALL = "import sys; from fgnav.cli import main; sys.exit(main())"
-COMMAND = [sys.executable, "-c", CALL, "simulate", str(SCENARIO), "--seed", "1"]
+COMMAND = [sys.executable, "-m", "fgnav", "simulate", "demo", "--seed", "1"]
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return the rows."""
     simulating_s, writing_s = _in_process()
     with tempfile.TemporaryDirectory() as folder:
@@ -33,21 +31,17 @@ def run() -> list[dict]:
         started_s = perf_counter()
         subprocess.run(batch, capture_output=True, check=True)
         each_s = (perf_counter() - started_s) / BATCH
+    note = f"per flight of fgnav simulate --batch {BATCH}; peer: the same command for one flight"
     return [
-        _row("flight_write", writing_s, None, f"the folder alone; {SETTING}"),
-        _row("flight_simulate", simulating_s, None, f"sensors alone, nothing written; {SETTING}"),
-        _row(
-            "flight_batch",
-            each_s,
-            alone_s,
-            f"per flight of fgnav simulate --batch {BATCH}; peer: the same command for one flight",
-        ),
+        row("flight_write", writing_s, None, "s", f"the folder alone; {SETTING}"),
+        row("flight_simulate", simulating_s, None, "s", f"sensors alone; {SETTING}"),
+        row("flight_batch", each_s, alone_s, "s", note, less=True),
     ]
 
 
 def _in_process() -> tuple[float, float]:
     """Return the median seconds of simulating and of writing, kernels compiled."""
-    scenario = load_scenario(SCENARIO)
+    scenario = load_scenario("demo")
     simulating_s, writing_s = [], []
     with tempfile.TemporaryDirectory() as folder:
         for k in range(REPEATS + 1):
@@ -58,19 +52,3 @@ def _in_process() -> tuple[float, float]:
             simulating_s.append(between_s - started_s)
             writing_s.append(perf_counter() - between_s)
     return float(np.median(simulating_s[1:])), float(np.median(writing_s[1:]))
-
-
-def _row(name: str, ours_s: float, peer_s: float | None, note: str) -> dict:
-    ratio = None if peer_s is None else peer_s / ours_s
-    return {
-        "name": name,
-        "ours": ours_s,
-        "peer": peer_s,
-        "ratio": ratio,
-        "unit": "s",
-        "note": note,
-    }
-
-
-if __name__ == "__main__":
-    print(json.dumps(run(), indent=2))

@@ -2,35 +2,19 @@
 
 import subprocess
 import sys
-from statistics import median
-from time import perf_counter
+
+import numpy as np
+
+from tests.benchmarks._rows import Row, row, timed
 
 NAMES = ("help_s",)
 PEER_S = 0.3  # what feels immediate, the project's own limit
 RUNS = 7
+COMMAND = [sys.executable, "-m", "fgnav", "--help"]
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Time the help several times, after one run that fills the caches."""
-    command = [
-        sys.executable,
-        "-c",
-        "import sys; from fgnav.cli import main; sys.exit(main())",
-        "--help",
-    ]
-    seconds = []
-    for _ in range(RUNS + 1):
-        start_s = perf_counter()
-        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-        seconds.append(perf_counter() - start_s)
-    ours = median(seconds[1:])
-    return [
-        {
-            "name": "help_s",
-            "ours": ours,
-            "peer": PEER_S,
-            "ratio": PEER_S / ours,
-            "unit": "s",
-            "note": f"fgnav --help, median of {RUNS} processes; peer: the limit",
-        }
-    ]
+    seconds = timed([lambda: subprocess.run(COMMAND, check=True, stdout=subprocess.DEVNULL)], RUNS)
+    note = f"fgnav --help, median of {RUNS} processes; peer: the limit"
+    return [row("help_s", np.median(seconds), PEER_S, "s", note, less=True)]

@@ -19,6 +19,7 @@ from numba import njit
 from fgnav.checks import FloatArray
 from fgnav.integers.ils import search as ils
 from fgnav.integers.ils.affine import search_array
+from tests.benchmarks._rows import Row, row, timed
 from tests.integers.arrays import L1_M, float_solution, make, sky
 
 SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}
@@ -33,7 +34,7 @@ NAMES = (
 PROBLEMS, REPEATS, WEAK = 300, 40, 100
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Time ours and RTKLIB's search, and count the right answers of the paper's array."""
     rng = np.random.default_rng(35)
     rtklib = _rtklib()
@@ -47,7 +48,7 @@ def run() -> list[dict[str, object]]:
     return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
 
 
-def array_search(rng: np.random.Generator) -> dict[str, object]:
+def array_search(rng: np.random.Generator) -> Row:
     """Return the row of 35 integers under the affine array model."""
     differences = make(rng, epochs=PROBLEMS, code_m=0.3, sine=True).differences
     problems = [float_solution(differences, k) for k in range(PROBLEMS)]
@@ -102,7 +103,7 @@ def _against(
     name: str,
     problems: list[tuple[FloatArray, FloatArray]],
     model: str,
-) -> dict[str, object]:
+) -> Row:
     a, Q = (np.array(part) for part in zip(*problems, strict=True))
     found = np.zeros((len(a), 2, a.shape[1])), np.zeros((len(a), 2))
     theirs = np.zeros((len(a), 2, a.shape[1])), np.zeros((len(a), 2))
@@ -121,22 +122,15 @@ def _against(
         f"{model}, {len(a)} problems, same best norm in {same}, RTKLIB gave up on {gave_up}; "
         f"one call from Python {call_us:.1f}, RTKLIB through ctypes {ctypes_us:.1f}"
     )
-    row: dict[str, object] = {"name": name, "ours": ours_us, "peer": peer_us}
-    return {**row, "ratio": peer_us / ours_us, "unit": "us", "note": note}
+    return row(name, ours_us, peer_us, "us", note, less=True)
 
 
-def _interleaved_us(*work: Callable[[], object]) -> list[float]:
+def _interleaved_us(*works: Callable[[], object]) -> FloatArray:
     """Return microseconds per problem of each, the best of runs that take turns."""
-    best = [np.inf] * len(work)
-    for _ in range(REPEATS):
-        for i, one in enumerate(work):
-            start = perf_counter()
-            one()
-            best[i] = min(best[i], (perf_counter() - start) / PROBLEMS * 1e6)
-    return best
+    return timed(works, REPEATS).min(axis=0) / PROBLEMS * 1e6
 
 
-def _weak(rtklib: Any, rng: np.random.Generator) -> dict[str, object]:
+def _weak(rtklib: Any, rng: np.random.Generator) -> Row:
     """Count the searches given up of seven baselines whose code says little of 35 integers."""
     problems = [baselines_problem(rng, 7) for _ in range(WEAK)]
     a, Q = (np.array(part) for part in zip(*problems, strict=True))
@@ -147,27 +141,21 @@ def _weak(rtklib: Any, rng: np.random.Generator) -> dict[str, object]:
     unsolved = ours(a, Q, *found)
     each_us = (perf_counter() - start) / len(a) * 1e6
     gave_up = peer(a, Q, *found)
-    row: dict[str, object] = {"name": "lambda_n35_weak", "ours": unsolved, "peer": gave_up}
     note = f"searches given up of {len(a)}, seven free baselines; ours takes {each_us:.0f} us each"
-    return {**row, "ratio": None, "unit": "count", "note": note}
+    return row("lambda_n35_weak", unsolved, gave_up, "count", note, less=True)
 
 
-def _epoch(peer: dict[str, object]) -> dict[str, object]:
+def _epoch(peer: Row) -> Row:
     """Time a whole epoch of the paper's array: float solution and joint search."""
     differences = make(np.random.default_rng(2), epochs=PROBLEMS, code_m=0.3, sine=True).differences
-    search = partial(search_array, differences, joint=True)
-    search()
-    (ours_us,) = _interleaved_us(search)
-    row: dict[str, object] = {"name": "lambda_array_epoch", "ours": ours_us, "peer": peer["peer"]}
+    (ours_us,) = _interleaved_us(partial(search_array, differences, joint=True))
     note = "float solution and joint search of 8 antennas and 6 satellites; peer: RTKLIB's search"
-    return {**row, "ratio": float(str(peer["peer"])) / ours_us, "unit": "us", "note": note}
+    return row("lambda_array_epoch", ours_us, peer["peer"], "us", note, less=True)
 
 
-def _success(rng: np.random.Generator, code_m: float) -> dict[str, object]:
+def _success(rng: np.random.Generator, code_m: float) -> Row:
     made = make(rng, epochs=5000, code_m=code_m)
     found = search_array(made.differences, joint=True)
     right = 100.0 * float((found.cycles == made.cycles).all(axis=(1, 2)).mean())
-    row: dict[str, object] = {"name": f"affine_success_{code_m}m", "ours": right}
     note = "epochs with all 35 integers right, phase 3 mm; peer: an independent prototype's figure"
-    peer = PROTOTYPE[code_m]
-    return {**row, "peer": peer, "ratio": right / peer, "unit": "%", "note": note}
+    return row(f"affine_success_{code_m}m", right, PROTOTYPE[code_m], "%", note)

@@ -4,7 +4,6 @@ Reads the Wettzell recordings from FGNAV_SHARED; without them there are no rows.
 """
 
 import json
-import os
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,6 +20,7 @@ from fgnav.io.flight.folder import load_flight
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.wettzell import of_signals, right_cycles, write_flight
 
 MASKS = (10, 15, 20, 25, 30, 35)
@@ -30,22 +30,18 @@ NODES = 10**6
 NAMES = tuple(f"ladder_mask_{mask}" for mask in MASKS)
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Climb it."""
-    root = Path(__file__).resolve().parents[2]
-    shared = root / (os.environ.get("FGNAV_SHARED") or "../shared")
-    if not (shared / "data" / "wettzell").is_dir():
+    if not (DATA / "wettzell").is_dir():
         return []
-    published = json.loads(
-        (shared / "data" / "integers" / "wtz_single_epoch_success.json").read_text()
-    )
+    published = json.loads((DATA / "integers" / "wtz_single_epoch_success.json").read_text())
     with TemporaryDirectory() as folder:
-        flight = load_flight(write_flight(Path(folder), shared / "data"))
+        flight = load_flight(write_flight(Path(folder), DATA))
     rows = {row["mask_deg"]: row for row in published["rows"]}
     return [_rung(flight, mask, rows[mask]) for mask in MASKS]
 
 
-def _rung(flight: Flight, mask: int, published: dict[str, float]) -> dict[str, object]:
+def _rung(flight: Flight, mask: int, published: dict[str, float]) -> Row:
     """Resolve the epochs that have five satellites, as the published row counts them."""
     d = of_signals(double_differences(flight), {"G1"}, mask)
     enough = d.resolvable.sum(axis=(1, 2)) >= 4
@@ -63,8 +59,7 @@ def _rung(flight: Flight, mask: int, published: dict[str, float]) -> dict[str, o
         f"{_curve(d, flight, enough)}; more signals at the default: {', '.join(more)}; "
         f"proven {(raw.status[enough] == PROVEN).sum()}"
     )
-    row: dict[str, object] = {"name": f"ladder_mask_{mask}", "ours": share, "peer": known}
-    return {**row, "ratio": share / known, "unit": "%", "note": note}
+    return row(f"ladder_mask_{mask}", share, known, "%", note)
 
 
 def _curve(d: DoubleDifferences, flight: Flight, enough: BoolArray) -> str:

@@ -1,6 +1,5 @@
 """Flights written by us, judged by RTKLIB's own program rnx2rtkp (Debian package rtklib)."""
 
-import json
 import shutil
 import subprocess
 import tempfile
@@ -15,8 +14,8 @@ from fgnav.types.flight import Flight
 from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SKY = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
 PROGRAM = "rnx2rtkp"
 OPTIONS = ("-m", "10", "-sys", "G,E,C", "-f", "1", "-d", "6")
@@ -40,11 +39,12 @@ GATES = {
 NAMES = tuple(f"{name}{end}" for name in GATES for end in VERSIONS)
 
 
-def run() -> list[dict]:
-    """Return the rows; without figures where the program is not installed."""
+def run() -> list[Row]:
+    """Return the rows, none where the program is not installed."""
     if shutil.which(PROGRAM) is None:
-        return [_row(name, None, f"skipped: {PROGRAM} is not installed") for name in NAMES]
-    scenario = load_scenario(SCENARIO)
+        print(f"{PROGRAM} is not installed")
+        return []
+    scenario = load_scenario("demo")
     gnss = msgspec.structs.replace(scenario.gnss or GnssTable(), signals=SKY)
     flight = simulate(msgspec.structs.replace(scenario, gnss=gnss), np.random.default_rng(1))
     rows = []
@@ -53,8 +53,10 @@ def run() -> list[dict]:
             folder = Path(name) / version
             save_flight(flight, folder, rinex=version)
             rows += [
-                _row(f"{gate}{end}", figure, f"RINEX {version}; {GATES[gate][1]}")
-                for gate, figure in zip(GATES, judged(flight, folder), strict=True)
+                row(f"{gate}{end}", figure, None, unit, f"RINEX {version}; {note}")
+                for (gate, (unit, note)), figure in zip(
+                    GATES.items(), judged(flight, folder), strict=True
+                )
             ]
     return rows
 
@@ -91,12 +93,3 @@ def solved(
     t_s = table[:, 0] * WEEK_S + table[:, 1] - flight.start_gps_s
     step_s = flight.truth.t_s[1] - flight.truth.t_s[0]
     return np.round(t_s / step_s).astype(int), table[:, 5], table[:, 2:5]
-
-
-def _row(name: str, ours: float | None, note: str) -> dict:
-    unit = next(unit for gate, (unit, _) in GATES.items() if name.startswith(gate))
-    return {"name": name, "ours": ours, "peer": None, "ratio": None, "unit": unit, "note": note}
-
-
-if __name__ == "__main__":
-    print(json.dumps(run(), indent=2))

@@ -19,7 +19,8 @@ from fgnav.neural import NeuralFactor
 from fgnav.solve.adjoint import Judged, LinearisedFlight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.benchmarks.smoother import LAG_S, SCENARIO, Given
+from tests.benchmarks._rows import Row, row, timed
+from tests.benchmarks.smoother import LAG_S, Given
 from tests.neural import graphs
 from tests.solve.linear_flight import random_problem
 
@@ -36,13 +37,13 @@ KEYFRAMES = 2000
 FREEDOM = 2  # of a given measurement
 
 
-def run(span_s: float = SPAN_S) -> list[dict]:
+def run(span_s: float = SPAN_S) -> list[Row]:
     """Return the rows."""
     return [*_factors(span_s), _training()]
 
 
-def _factors(span_s: float) -> list[dict]:
-    scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=span_s)
+def _factors(span_s: float) -> list[Row]:
+    scenario = msgspec.structs.replace(load_scenario("demo"), duration_s=span_s)
     flight = simulate(scenario, np.random.default_rng(1))
     plain = Smoother(resolver=Given(resolve(flight, Lambda())[1]), lag_s=LAG_S)
     methods = [plain]
@@ -51,68 +52,54 @@ def _factors(span_s: float) -> list[dict]:
             path = graphs.perceptron(Path(folder), WINDOW, WIDTH, measures, lasting)
             network = NeuralFactor(path)
         methods.append(replace(plain, factors=(network,)))
-    estimates = [method(flight) for method in methods]  # compiles
-    count = next(t.count for t in estimates[-1].consistency if t.what == network.name)
+    count = next(t.count for t in methods[-1](flight).consistency if t.what == network.name)
     seconds = _in_turns([lambda one=one: one(flight) for one in methods])
     note = (
         f"more time of `smoother`, lag {LAG_S:g} s, demo, {span_s:g} s: {count} answers of a "
         f"perceptron of {WIDTH} x {WIDTH} to a second of accelerations; peer: at most"
     )
     return [
-        _row(
+        row(
             f"neural_factor_{name}",
             100 * (s / seconds[0] - 1),
             MOST_PERCENT,
             "%",
             f"{how}, {note}",
+            less=True,
         )
         for (name, (_, _, how)), s in zip(FACTORS.items(), seconds[1:], strict=True)
     ]
 
 
-def _training() -> dict:
+def _training() -> Row:
     flight, given, judged = _given(KEYFRAMES)
-    row, jacobian, residual, covariance = given
+    at, jacobian, residual, covariance = given
     root = np.linalg.cholesky(covariance)
     shared = np.zeros((*residual.shape, flight.problem.constants.width))
     whitened = np.concatenate([residual[:, :, None], jacobian, shared], axis=2)
     whitened = np.linalg.solve(root, whitened)
     works = [
-        lambda: flight._posterior(row, whitened),  # what is measured
+        lambda: flight._posterior(at, whitened),  # what is measured
         lambda: flight.likelihood(*given, judged),
     ]
-    for work in works:
-        work()  # compiles
     alone, both = _in_turns(works)
     note = (
         f"value and gradient by adjoint, {KEYFRAMES} keyframes of 21 states, 3 constants, a "
         "measurement every tenth; in solves of the batch with covariances; peer: at most"
     )
-    return _row("through_smoother", both / alone, MOST_SOLVES, "solves", note)
+    return row("through_smoother", both / alone, MOST_SOLVES, "solves", note, less=True)
 
 
 def _given(n: int) -> tuple[LinearisedFlight, tuple, Judged]:
     rng, problem = np.random.default_rng(1), random_problem(n, 12, 3)
-    row = np.arange(0, n, 10)
-    root = rng.normal(size=(len(row), FREEDOM, FREEDOM))
+    at = np.arange(0, n, 10)
+    root = rng.normal(size=(len(at), FREEDOM, FREEDOM))
     covariance = root @ root.swapaxes(1, 2) + 0.3 * np.eye(FREEDOM)
-    jacobian = rng.normal(size=(len(row), FREEDOM, problem.width))
+    jacobian = rng.normal(size=(len(at), FREEDOM, problem.width))
     judged = Judged(np.arange(n), np.array([0, 1, 2, 6, 7, 8]), rng.normal(size=(n, 6)))
-    given = (row, jacobian, rng.normal(size=(len(row), FREEDOM)), covariance)
+    given = (at, jacobian, rng.normal(size=(len(at), FREEDOM)), covariance)
     return LinearisedFlight.at(problem, problem.start), given, judged
 
 
 def _in_turns(works: list[Callable[[], object]]) -> list[float]:
-    seconds = [[_seconds(work) for work in works] for _ in range(ROUNDS)]
-    return np.median(seconds, axis=0).tolist()
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    started_s = process_time()
-    work()
-    return process_time() - started_s
-
-
-def _row(name: str, ours: float, peer: float, unit: str, note: str) -> dict:
-    figures = {"name": name, "ours": ours, "peer": peer, "ratio": peer / ours}
-    return {**figures, "unit": unit, "note": note}
+    return np.median(timed(works, ROUNDS, process_time), axis=0).tolist()

@@ -1,7 +1,6 @@
 """Reading RINEX observations: ours, with checks, against RTKLIB's alone."""
 
 import json
-import os
 import subprocess
 import sys
 import tempfile
@@ -14,12 +13,12 @@ from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rinex.writer import write_observations
 from fgnav.types.observations import Observations
+from tests.benchmarks._rows import DATA, Row, row
 
 START_GPS_S = 1_277_078_400.0
 REPEATS = 5
 NAMES = ("rinex_read", "rinex_read_short")
-ROOT = Path(__file__).resolve().parents[2]
-GRAS = "data/rinex/GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
+GRAS = DATA / "rinex" / "GRAS00FRA_R_20223151700_15M_01S_MO.crx.gz"
 # RTKLIB's reader through the plain binding, in a process of its own: two pyrtklib in one crash.
 PEER = """
 import json, sys, time, pyrtklib5 as rtk
@@ -62,7 +61,7 @@ def _flight_file(folder: Path) -> Path:
     return folder / "hour.rnx"
 
 
-def _compare(path: Path, note: str) -> dict[str, object]:
+def _compare(name: str, path: Path, note: str) -> Row:
     """Return the median seconds of both, in turns, so that a busy machine is fair to both."""
     read_rinex([], [path], START_GPS_S)  # compiles the kernels
     ours, peer = [], []
@@ -73,32 +72,20 @@ def _compare(path: Path, note: str) -> dict[str, object]:
         command = [sys.executable, "-c", PEER, str(path), "1"]
         peer += json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
     ours_s, peer_s = float(np.median(ours)), float(np.median(peer))
-    return {
-        "name": "rinex_read",
-        "ours": ours_s,
-        "peer": peer_s,
-        "ratio": peer_s / ours_s,
-        "unit": "s",
-        "note": f"{note}; peer: RTKLIB's readrnx alone, pyrtklib5, without any check or start-up",
-    }
+    note += "; peer: RTKLIB's readrnx alone, pyrtklib5, without any check or start-up"
+    return row(name, ours_s, peer_s, "s", note, less=True)
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Measure an hour at 10 Hz of our own making and, where it is there, a real 15 min at 1 Hz."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         path = _flight_file(folder)
         megabytes = path.stat().st_size / 1e6
-        results = [_compare(path, f"1 h, 10 Hz, 12 satellites, {megabytes:.0f} MB")]
-        shared = Path(os.environ.get("FGNAV_SHARED") or ROOT.parent / "shared")
-        if (ROOT / shared / GRAS).is_file():
+        results = [_compare("rinex_read", path, f"1 h, 10 Hz, 12 satellites, {megabytes:.0f} MB")]
+        if GRAS.is_file():
             plain = folder / "gras.rnx"
-            plain.write_bytes(read_text(ROOT / shared / GRAS).tobytes())
-            results.append(
-                _compare(plain, "15 min, 1 Hz, all systems, 7 MB") | {"name": "rinex_read_short"}
-            )
+            plain.write_bytes(read_text(GRAS).tobytes())
+            note = "15 min, 1 Hz, all systems, 7 MB"
+            results.append(_compare("rinex_read_short", plain, note))
     return results
-
-
-if __name__ == "__main__":
-    print(json.dumps(run(), indent=2))

@@ -6,15 +6,16 @@ They are peers of the bench only: ``pip install rocketpy jsbsim``.
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
-from time import perf_counter
 from typing import TypeAlias
 
 import numpy as np
 
+from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
+from tests.benchmarks._rows import Row, row, timed
 
 Task: TypeAlias = tuple[float, Callable[[], object]]  # how many steps a piece of work makes
 NAMES = ("six_dof_rocketpy", "six_dof_jsbsim", "six_dof_batch")
@@ -32,7 +33,7 @@ ROCKET = Vehicle(
 )
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Time one flight of each kind beside its peer, a hundred in one call beside one by one."""
     steps, single = _flights(ROCKET, 1)
 
@@ -40,40 +41,29 @@ def run() -> list[dict[str, object]]:
         for _ in range(FLIGHTS):
             single()
 
-    ours, one, ratio = _raced(_flights(ROCKET, FLIGHTS), (FLIGHTS * steps, one_by_one))
+    rates = _raced(_flights(ROCKET, FLIGHTS), (FLIGHTS * steps, one_by_one))
+    note = f"{FLIGHTS} rockets in one call, against one by one"
     return [
         _row("six_dof_rocketpy", ROCKET, "rocketpy", _rocketpy, "a rocket with nine Mach numbers"),
         _row("six_dof_jsbsim", BALL, "jsbsim", _jsbsim, "a dropped ball with drag"),
-        {
-            "name": "six_dof_batch", "ours": ours, "peer": one, "ratio": ratio,
-            "unit": "steps/s", "note": f"{FLIGHTS} rockets in one call, against one by one",
-        },
-    ]  # fmt: skip
+        row("six_dof_batch", *rates, "steps/s", note),
+    ]
 
 
-def _row(
-    name: str, vehicle: Vehicle, peer: str, make_peer: Callable[[], Task], what: str
-) -> dict[str, object]:
+def _row(name: str, vehicle: Vehicle, peer: str, make_peer: Callable[[], Task], what: str) -> Row:
     """Return a row, without a peer where that is not installed."""
-    row: dict[str, object] = {"name": name, "unit": "steps/s", "peer": None, "ratio": None}
     note, task = f"{what}, fixed RK4 steps of 1 ms on one core", _flights(vehicle, 1)
     if find_spec(peer) is None:
-        alone = _raced(task, task)[0]
-        return {**row, "ours": alone, "note": f"{note}; {peer} is not installed"}
-    ours, other, ratio = _raced(task, make_peer())
-    return {**row, "ours": ours, "peer": other, "ratio": ratio, "note": f"{note}, against {peer}"}
+        return row(name, *_raced(task), None, "steps/s", f"{note}; {peer} is not installed")
+    return row(name, *_raced(task, make_peer()), "steps/s", f"{note}, against {peer}")
 
 
-def _raced(ours: Task, peer: Task) -> tuple[float, float, float]:
-    """Return steps per second of both and their ratio, the best of turns that alternate.
+def _raced(*tasks: Task) -> FloatArray:
+    """Return steps per second of each, the best of turns that alternate.
 
     On a shared machine all but the best measure the neighbours.
     """
-    fastest = [np.inf, np.inf]
-    for _ in range(REPEATS + 1):
-        for k, (steps, work) in enumerate((ours, peer)):
-            fastest[k] = min(fastest[k], _seconds(work) / steps)
-    return 1 / fastest[0], 1 / fastest[1], fastest[1] / fastest[0]
+    return [steps for steps, _ in tasks] / timed([work for _, work in tasks], REPEATS).min(axis=0)
 
 
 def _flights(vehicle: Vehicle, flights: int) -> Task:
@@ -147,10 +137,3 @@ def _jsbsim() -> Task:
         message = "JSBSim's ball has no height"
         raise RuntimeError(message)
     return JSBSIM_STEPS, work
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    """Return how long one run takes."""
-    start = perf_counter()
-    work()
-    return perf_counter() - start

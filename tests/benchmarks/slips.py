@@ -5,9 +5,7 @@ count: others are in no difference. Clock jumps of a millisecond come in both wa
 them, of time tag and code with the phase and without it, on the reference antenna too.
 """
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -17,12 +15,11 @@ from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.cycle_slips.detection import PhaseArcs, phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
 from fgnav.types.flight import Flight
-from fgnav.types.observations import Observations
 from fgnav_sim.gnss.tables import SlipsTable
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row
 
-SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
 SKY = {"G": ("1C",), "E": ("1C",), "C": ("2I",)}
 FLIGHTS: dict[str, dict[str, object]] = {
     "demo": {},
@@ -43,15 +40,15 @@ NAMES = (
 )
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return the rows."""
     return [
         row for name, gnss in FLIGHTS.items() for rate in SPAN_S for row in _rows(name, rate, gnss)
     ]
 
 
-def _rows(name: str, rate_hz: float, gnss: dict[str, object]) -> list[dict[str, object]]:
-    scenario = load_scenario(SCENARIOS / f"{'demo' if name == 'multi' else name}.toml")
+def _rows(name: str, rate_hz: float, gnss: dict[str, object]) -> list[Row]:
+    scenario = load_scenario("demo" if name == "multi" else name)
     calm = _flight(scenario, rate_hz, {**gnss, "slips": None})
     slips = SlipsTable(rate_per_hour=SLIPS_PER_HOUR[rate_hz], largest_cycles=10, flagged_share=0.0)
     slipping = _flight(scenario, rate_hz, {**gnss, "slips": slips})
@@ -69,7 +66,7 @@ def _flight(scenario: Scenario, rate_hz: float, gnss: dict[str, object]) -> Flig
     return simulate(flown, np.random.default_rng(1))
 
 
-def _found(label: str, calm: Flight, slipping: Flight) -> list[dict[str, object]]:
+def _found(label: str, calm: Flight, slipping: Flight) -> list[Row]:
     single, arcs = _arcs(slipping)
     steps, broken, flagged = _steps(slipping, single, arcs)
     slipped = _changed(calm, slipping, single) & steps
@@ -83,15 +80,15 @@ def _found(label: str, calm: Flight, slipping: Flight) -> list[dict[str, object]
     share = 100.0 * false.sum() / steps.sum()
     made_up = f"{false.sum()} breaks of {steps.sum()} steps"
     return [
-        _row(label, 100.0 * (broken & quiet).sum() / max(quiet.sum(), 1), 99.0, note),
-        _row(f"{label}_false", share, 0.1, made_up, less=True),
+        row(label, 100.0 * (broken & quiet).sum() / max(quiet.sum(), 1), 99.0, "%", note),
+        row(f"{label}_false", share, 0.1, "%", made_up, less=True),
     ]
 
 
-def _halves(label: str, calm: Flight) -> dict[str, object]:
+def _halves(label: str, calm: Flight) -> Row:
     """Add half-cycle slips at random links and epochs, one of a link at most."""
     rng = np.random.default_rng(2)
-    seen = _seen(calm)
+    seen = calm.observations
     phase = seen.phase_cycles.copy()
     n, a, m = phase.shape
     at = np.argwhere(rng.random((a, m)) < 0.3)
@@ -103,12 +100,12 @@ def _halves(label: str, calm: Flight) -> dict[str, object]:
     slipped = _changed(calm, flight, single) & steps & ~flagged
     found = (broken & slipped).sum()
     note = f"{found} of {slipped.sum()} unannounced slips of half a cycle"
-    return _row(f"{label}_half", 100.0 * found / max(slipped.sum(), 1), 99.0, note)
+    return row(f"{label}_half", 100.0 * found / max(slipped.sum(), 1), 99.0, "%", note)
 
 
-def _jumps(label: str, calm: Flight) -> dict[str, object]:
+def _jumps(label: str, calm: Flight) -> Row:
     """Let the clocks of three antennas jump, and count the breaks that were not there before."""
-    seen = _seen(calm)
+    seen = calm.observations
     n = len(seen.t_s)
     code_m, tag_s = seen.code_m.copy(), seen.tag_s.copy()
     phase = seen.phase_cycles.copy()
@@ -131,7 +128,7 @@ def _jumps(label: str, calm: Flight) -> dict[str, object]:
     _, after = _arcs(replace(calm, observations=jumped))
     more = int(_breaks(after).sum()) - int(_breaks(before).sum())
     note = f"breaks more than {_breaks(before).sum()} after 3 clock jumps of 1 ms"
-    return _row(f"{label}_jump", float(more), 0.0, note, less=True)
+    return row(f"{label}_jump", more, 0.0, "count", note, less=True)
 
 
 def _arcs(flight: Flight) -> tuple[SingleDifferences, PhaseArcs]:
@@ -151,38 +148,19 @@ def _steps(
     usable = np.isfinite(single.elevation_rad)
     there = (arcs.arc[1:] >= 0) & (arcs.arc[:-1] >= 0)
     steps = there & (usable[1:] & usable[:-1])[:, None]
-    flagged = _seen(flight).lock_flags[1:][..., _columns(flight, single)] != 0
+    flagged = flight.observations.lock_flags[1:][..., _columns(flight, single)] != 0
     return steps, _breaks(arcs) & steps, flagged
 
 
 def _changed(calm: Flight, other: Flight, single: SingleDifferences) -> BoolArray:
     """Return where the integers of the same flight begin to differ, (n - 1, a, m)."""
-    change: FloatArray = (_seen(other).phase_cycles - _seen(calm).phase_cycles)[
+    change: FloatArray = (other.observations.phase_cycles - calm.observations.phase_cycles)[
         ..., _columns(other, single)
     ]
     return np.asarray(np.diff(np.round(2 * np.nan_to_num(change)), axis=0) != 0)
 
 
 def _columns(flight: Flight, single: SingleDifferences) -> list[int]:
-    seen = _seen(flight)
+    seen = flight.observations
     channels = list(zip(seen.satellites, seen.signals, strict=True))
     return [channels.index(c) for c in zip(single.satellites, single.signals, strict=True)]
-
-
-def _seen(flight: Flight) -> Observations:
-    if flight.observations is None:
-        raise ValueError("a simulated flight without receivers")
-    return flight.observations
-
-
-def _row(
-    name: str, ours: float, target: float, note: str, *, less: bool = False
-) -> dict[str, object]:
-    """Return a row whose peer is the target, and whose ratio is 1 or more where it is reached."""
-    ratio = None if less and ours == 0 else float(target / ours if less else ours / target)
-    row: dict[str, object] = {"name": name, "ours": float(ours), "peer": target, "ratio": ratio}
-    return {**row, "unit": "count" if name.endswith("_jump") else "%", "note": note}
-
-
-if __name__ == "__main__":
-    print(json.dumps(run(), indent=2))

@@ -4,10 +4,8 @@ Speeds are flight seconds per second of one core (``process_time``), covariances
 row has a target, that is its peer.
 """
 
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from time import process_time
 
 import msgspec
@@ -27,9 +25,9 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 from fgnav_sim.scenario import Scenario, load_scenario
 from fgnav_sim.simulate import simulate
+from tests.benchmarks._rows import Row, row, timed
 from tests.benchmarks.smoother_memory import RATE_HZ, SET_UP, measurements
 
-SCENARIO = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios" / "demo.toml"
 SPAN_S = 300.0
 STREAM_S = 60.0
 LAG_S = 2.0
@@ -48,7 +46,6 @@ NAMES = (
     "smoother_batch",
     "smoother_with_integers",
     "smoother_growth",
-    "smoother_memory",
     *(
         f"accuracy_{name.replace('-', '_')}_{angle}"
         for name in ACCURATE
@@ -69,9 +66,9 @@ class Given:
         return self.integers
 
 
-def run(span_s: float = SPAN_S) -> list[dict]:
+def run(span_s: float = SPAN_S) -> list[Row]:
     """Return the rows."""
-    scenario = msgspec.structs.replace(load_scenario(SCENARIO), duration_s=span_s)
+    scenario = msgspec.structs.replace(load_scenario("demo"), duration_s=span_s)
     flight = simulate(scenario, np.random.default_rng(1))
     given = Given(resolve(flight, Lambda())[1])
     _compile(scenario)
@@ -81,7 +78,7 @@ def run(span_s: float = SPAN_S) -> list[dict]:
         *_solves(problem, setting),
         _stream(min(span_s, STREAM_S)),
         *_methods(flight, given, setting),
-        *_growth(problem),
+        _growth(problem),
         *_accuracy(flight),
     ]
 
@@ -95,7 +92,7 @@ def _compile(scenario: Scenario) -> None:
             method(resolver=resolver)(flight)
 
 
-def _solves(problem: Problem, setting: str) -> list[dict]:
+def _solves(problem: Problem, setting: str) -> list[Row]:
     """Return the window's speeds on a problem that is prepared."""
     span_s = float(problem.t_s[-1] - problem.t_s[0])
     lag = f"lag {LAG_S:g} s, GTSAM, the solve alone"
@@ -115,7 +112,7 @@ def _solves(problem: Problem, setting: str) -> list[dict]:
     ]
 
 
-def _stream(span_s: float) -> dict:
+def _stream(span_s: float) -> Row:
     """Return the speed of a stream, its epochs at hand."""
     rng = np.random.default_rng(1)
     epochs = [measurements(k / RATE_HZ, rng) for k in range(1, round(span_s * RATE_HZ) + 1)]
@@ -130,7 +127,7 @@ def _stream(span_s: float) -> dict:
     return _speed("smoother_stream", span_s, run_through, note)
 
 
-def _methods(flight: Flight, given: Given, setting: str) -> list[dict]:
+def _methods(flight: Flight, given: Given, setting: str) -> list[Row]:
     """Return the speeds of whole methods on a flight of which nothing is prepared."""
     span_s = float(flight.observations.t_s[-1] - flight.observations.t_s[0])
     window = Smoother(resolver=given, lag_s=LAG_S)
@@ -149,48 +146,24 @@ def _methods(flight: Flight, given: Given, setting: str) -> list[dict]:
     ]
 
 
-def _growth(problem: Problem) -> list[dict]:
-    """Return how the window's time and memory grow with the flight."""
+def _growth(problem: Problem) -> Row:
+    """Return how the window's time grows with the flight; its memory: ``smoother_memory``."""
     n = len(problem.t_s)
     counts = (n // SHORT, n)
-    seconds = [
-        [_seconds(lambda k=k: _windowed(problem, k, FixedLag(LAG_S))) for k in counts]
-        for _ in range(ROUNDS)
-    ]
-    growth = float(np.median([long / short for short, long in seconds]))
-    short_mb, long_mb = (_peak_mb(problem, k) for k in counts)
+    works = [lambda k=k: _windowed(problem, k, FixedLag(LAG_S)) for k in counts]
+    growth = np.median(np.divide(*timed(works, ROUNDS, process_time).T[::-1]))
     note = f"time of {SHORT} times the flight over that of the flight, window of {LAG_S:g} s"
-    return [
-        _row("smoother_growth", growth, SHORT, SHORT / growth, "", f"{note}; peer: linear"),
-        _row(
-            "smoother_memory",
-            long_mb,
-            short_mb,
-            short_mb / long_mb,
-            "MB",
-            "peak of Python's and numpy's memory in the window, estimates not kept; peer: a tenth "
-            "of the flight; GTSAM's own: smoother_memory_hour",
-        ),
-    ]
+    return row("smoother_growth", growth, SHORT, "", f"{note}; peer: linear", less=True)
 
 
 def _windowed(problem: Problem, count: int, window: FixedLag) -> None:
     """Pass the first keyframes through a window; estimates are not kept."""
-    for row in range(count):
-        window.update(problem, row)
+    for keyframe in range(count):
+        window.update(problem, keyframe)
     window.rest()
 
 
-def _peak_mb(problem: Problem, count: int) -> float:
-    window = FixedLag(LAG_S)
-    tracemalloc.start()
-    _windowed(problem, count, window)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    return peak / 1e6
-
-
-def _accuracy(flight: Flight) -> list[dict]:
+def _accuracy(flight: Flight) -> list[Row]:
     """Return every method's RMS errors against the Cramer-Rao bound of one epoch."""
     comparison = compare(flight, [method_named(name, Lambda()) for name in ACCURATE])
     figures = comparison.to_dict()
@@ -201,25 +174,12 @@ def _accuracy(flight: Flight) -> list[dict]:
         note = f"peer: bound of one epoch; {100 * score['available']:.1f} % of epochs"
         for angle, rmse_deg in score["rmse_deg"].items():
             of = f"accuracy_{name.replace('-', '_')}_{angle}"
-            peer = bound_deg[angle]
-            rows.append(_row(of, rmse_deg, peer, peer / rmse_deg, "deg", note))
+            rows.append(row(of, rmse_deg, bound_deg[angle], "deg", note, less=True))
     return rows
 
 
-def _speed(name: str, span_s: float, work: Callable[[], object], note: str) -> dict:
+def _speed(name: str, span_s: float, work: Callable[[], object], note: str) -> Row:
     """Return flight seconds per second of work, the median of some rounds."""
-    factor = span_s / float(np.median([_seconds(work) for _ in range(ROUNDS)]))
-    peer = TARGETS.get(name, 1.0)
+    factor = span_s / np.median(timed([work], ROUNDS, process_time))  # of one core
     of = "target" if name in TARGETS else "real time"
-    return _row(name, factor, peer, factor / peer, "x real time", f"{note}; peer: {of}")
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    started_s = process_time()  # of one core, whoever else uses it
-    work()
-    return process_time() - started_s
-
-
-def _row(*figures: object) -> dict:
-    keys = ("name", "ours", "peer", "ratio", "unit", "note")
-    return dict(zip(keys, figures, strict=True))
+    return row(name, factor, TARGETS.get(name, 1.0), "x real time", f"{note}; peer: {of}")

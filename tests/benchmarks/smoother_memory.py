@@ -20,6 +20,7 @@ from fgnav.geometry.rotations import from_euler
 from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
+from tests.benchmarks._rows import Row, row
 
 NAMES = ("smoother_memory_hour",)
 RATE_HZ, SAMPLE_S = 10, 0.01
@@ -31,7 +32,7 @@ SET_UP = StreamSetUp(origin=ORIGIN, antenna_b_m=np.zeros(3), rate_prior=PRIOR)
 FORCE_SIGMA_MPS2, VECTOR_SIGMA, POSITION_SIGMA_M, VELOCITY_SIGMA_MPS = 0.01, 0.01, 0.5, 0.05
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return the row."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         run_through = pool.submit(streamed).result()
@@ -41,16 +42,7 @@ def run() -> list[dict[str, object]]:
         f"peer: by {MARKS_S[0] / 60:g} minutes; {run_through.seconds_per_second:.0f} x real time, "
         "epochs made up included"
     )
-    return [
-        {
-            "name": "smoother_memory_hour",
-            "ours": last,
-            "peer": first,
-            "ratio": first / last,
-            "unit": "MB",
-            "note": note,
-        }
-    ]
+    return [row("smoother_memory_hour", last, first, "MB", note, less=True)]
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,7 @@ References
 """
 
 import json
-import os
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -37,6 +35,7 @@ from fgnav.integers.ils.search import WITHOUT_LIMIT, solve
 from fgnav.io.rinex.reader import read_navigation
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.orbits import BroadcastOrbits
+from tests.benchmarks._rows import DATA, Row, row
 from tests.integers.arrays import L1_M
 
 PDOP = {5: 4.19, 6: 2.14, 7: 1.91, 8: 1.81}
@@ -96,12 +95,10 @@ class Rates:
         return bool(below(self.known.mean(), DIRECTIONS * SETS, self.cell["C_LAMBDA_pct"]))
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return a row per cell of the table, and one of them all."""
-    root = Path(__file__).resolve().parents[2]
-    data = root / (os.environ.get("FGNAV_SHARED") or "../shared") / "data"
-    table = data / "integers" / "c_lambda_success_rates_teunissen2011.json"
-    messages = data / "orbits" / MESSAGES
+    table = DATA / "integers" / "c_lambda_success_rates_teunissen2011.json"
+    messages = DATA / "orbits" / MESSAGES
     if not (table.is_file() and messages.is_file()):
         return []
     cells = json.loads(table.read_text())["table1"]["rows"]
@@ -281,7 +278,7 @@ def _free(e_n: FloatArray, cell: Cell, sets: int, rng: np.random.Generator) -> f
     return 100.0 * float((found == 0).all(axis=1).mean())
 
 
-def _row(of: Rates) -> dict[str, object]:
+def _row(of: Rates) -> Row:
     peer, known = of.cell["C_LAMBDA_pct"], float(of.known.mean())
     reached = (~below(of.known, SETS, peer)).sum()
     note = (
@@ -291,11 +288,10 @@ def _row(of: Rates) -> dict[str, object]:
         + ("; BELOW over all directions" if of.below else "")
     )
     name = f"teunissen_{of.cell['n_sat']}_{of.cell['sigma_phase_mm']}mm"
-    row: dict[str, object] = {"name": f"{name}_{of.cell['sigma_code_cm']}cm", "ours": known}
-    return {**row, "peer": peer, "ratio": known / peer, "unit": "%", "note": note}
+    return row(f"{name}_{of.cell['sigma_code_cm']}cm", known, peer, "%", note)
 
 
-def _summary(found: list[list[Rates]]) -> dict[str, object]:
+def _summary(found: list[list[Rates]]) -> Row:
     cells = [one for of_sky in found for one in of_sky]
     near = sum(abs(one.free - one.cell["LAMBDA_pct"]) <= 2.0 for one in cells)
     level = sum(not one.below for one in cells)
@@ -312,5 +308,4 @@ def _summary(found: list[list[Rates]]) -> dict[str, object]:
         f"cost more than the true integers: {sum(one.dearer for one in cells)} of "
         f"{len(cells) * DIRECTIONS * SETS}, searches given up: {sum(one.given_up for one in cells)}"
     )
-    row: dict[str, object] = {"name": "teunissen_cells", "ours": level, "peer": len(cells)}
-    return {**row, "ratio": level / len(cells), "unit": "count", "note": note}
+    return row("teunissen_cells", level, len(cells), "count", note)

@@ -4,18 +4,16 @@ Sites and times anywhere, code 1 m and phase 3 mm at the zenith over the sine of
 link in twelve 1.5 m and 15 mm worse.
 """
 
-from time import perf_counter
+from functools import partial
 
 import msgspec
 import numpy as np
 
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Flight
-from fgnav.types.integers import Resolver
 from fgnav_models.runtime.resolver import Network
 from fgnav_models.training.trust.data import Draw, drawn_epochs
 from fgnav_models.training.trust.trials import flight_of
+from tests.benchmarks._rows import Row, row, timed
 
 EPOCHS = 300
 L1_L5 = {"G": ("1C", "5Q"), "E": ("1C", "5Q")}
@@ -28,7 +26,7 @@ NAMES = tuple(f"trust_{name}" for name in WORLDS)
 SAME = {"code_m": (1.0, 1.0), "phase_m": (0.003, 0.003), "outliers": (0.08, 0.08)}
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Time both resolvers on each world."""
     rows = []
     for name, draw in WORLDS.items():
@@ -36,21 +34,11 @@ def run() -> list[dict[str, object]]:
             msgspec.structs.replace(draw, **SAME), np.random.default_rng(5)
         )
         flight = flight_of(differences)
-        ours, peer = (
-            min(_seconds(resolver, differences, flight) for _ in range(3)) * 1e3 / EPOCHS
-            for resolver in (Network(), Constrained())
-        )
+        works = [partial(resolver, differences, flight) for resolver in (Network(), Constrained())]
+        ours_ms, peer_ms = timed(works, 3).min(axis=0) * 1e3 / EPOCHS
         note = (
             f"{differences.phase_m.shape[1] + 1} antennas, {len(differences.satellites)} channels"
         )
-        row: dict[str, object] = {"name": f"trust_{name}", "ours": ours, "peer": peer}
-        rows.append(
-            {**row, "ratio": peer / ours, "unit": "ms", "note": f"{note}; peer: constrained"}
-        )
+        note += "; peer: constrained"
+        rows.append(row(f"trust_{name}", ours_ms, peer_ms, "ms", note, less=True))
     return rows
-
-
-def _seconds(resolver: Resolver, differences: DoubleDifferences, flight: Flight) -> float:
-    start = perf_counter()
-    resolver(differences, flight)
-    return perf_counter() - start

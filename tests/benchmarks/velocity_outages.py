@@ -27,18 +27,17 @@ from fgnav_models.training.velocity.vehicles.track import Track
 from fgnav_models.training.velocity.vehicles.world import KINDS, VehiclesWorld, vehicle_scenario
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
+from tests.benchmarks import car
+from tests.benchmarks._rows import DATA, Row, row
 from tests.recordings import drive, quadrotor
 
 NAMES = tuple(f"velocity_outage_{s}_s" for s in (5, 15, 30))
 FLIGHTS = int(os.environ.get("VELOCITY_FLIGHTS", "8"))
-SHARED = os.environ.get("FGNAV_SHARED")
 LENGTHS_S = (5.0, 15.0, 30.0)
 SEED, FLIGHT_S, FIRST_S = 20_099, 90.0, 45.0
-EVERY_S = 45.0  # between the drive's outages, as its authors cut them
 FIXES = FixesTable(rate_hz=4.0, position_noise_m=0.05, velocity_noise_mps=0.05)
 RATE_HZ = 100.0  # of the network
 CLOCK_S = -0.42  # of the quadrotor's unit, to be added: README of the recording
-ROWS = ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 DRAWS = 2000
 
 
@@ -63,13 +62,13 @@ def cases(length_s: float, count: int = FLIGHTS, seed: int = SEED) -> Iterator[C
             flight = shaken(simulate(scenario, rng), scenario.motion)
             spans = np.array([[FIRST_S, FIRST_S + length_s]])
             yield _case(kind, flight, spans, flight.truth.t_s, flight.truth.p_n_m, {})
-    if SHARED:
-        flight = drive(Path(SHARED) / "data")
-        first = np.arange(40.0, flight.fixes[0].t_s[-1] - 30.0 - length_s, EVERY_S)
+    if DATA.is_dir():
+        flight = drive(DATA)
+        first = np.arange(car.FIRST_S, flight.fixes[0].t_s[-1] - car.LAST_S - length_s, car.EVERY_S)
         spans = np.stack([first, first + length_s], axis=1)
         yield _case("drive", flight, spans, flight.fixes[0].t_s, flight.fixes[0].p_n_m, {})
         for path, middle_s in (("path_10", 24.0), ("path_15", 20.0)):
-            flight = quadrotor(Path(SHARED) / "data", path)
+            flight = quadrotor(DATA, path)
             imu = replace(flight.imu, t_s=flight.imu.t_s + CLOCK_S)
             flight = replace(flight, imu=imu)
             spans = middle_s + np.array([[-0.5, 0.5]]) * length_s
@@ -91,10 +90,9 @@ def _case(
 ) -> Case:
     fixes = flight.fixes[0]
     kept = np.array([not ((s >= spans[:, 0]) & (s <= spans[:, 1])).any() for s in fixes.t_s])
-    rows = {n: getattr(fixes, n)[kept] for n in ROWS if getattr(fixes, n) is not None}
     return Case(
         kind=kind,
-        flight=replace(flight, fixes=(replace(fixes, **rows),)),
+        flight=replace(flight, fixes=(fixes[kept],)),
         lost_s=spans,
         judge_s=t_s,
         judge_n_m=p_n_m,
@@ -167,7 +165,7 @@ def interval(difference: FloatArray, rng: np.random.Generator) -> tuple[float, f
     return tuple(np.percentile(means, (2.5, 97.5)).tolist())
 
 
-def run(count: int = FLIGHTS) -> list[dict]:
+def run(count: int = FLIGHTS) -> list[Row]:
     """Return a row for each length."""
     world = VehiclesWorld(flight_s=FLIGHT_S)
     rngs = np.random.default_rng([SEED, 9]).spawn(60)
@@ -198,18 +196,14 @@ def _row(
     length_s: float,
     filtered: list[tuple[str, FloatArray]],
     smoothed: list[tuple[str, FloatArray]],
-) -> dict:
+) -> Row:
     both = np.concatenate([found for _, found in filtered])
     none, factor = np.sqrt(np.nanmean(both[:, :2] ** 2, axis=0))
-    return {
-        "name": f"velocity_outage_{length_s:.0f}_s",
-        "ours": factor,
-        "peer": none,
-        "ratio": none / factor,
-        "unit": "m",
-        "note": f"RMS position error of `forward` in outages; peer: no factor. {_words(filtered)}; "
-        f"`batch`: {_words(smoothed)}",
-    }
+    note = (
+        f"RMS position error of `forward` in outages; peer: no factor. {_words(filtered)}; "
+        f"`batch`: {_words(smoothed)}"
+    )
+    return row(f"velocity_outage_{length_s:.0f}_s", factor, none, "m", note, less=True)
 
 
 def _words(of: list[tuple[str, FloatArray]]) -> str:

@@ -13,6 +13,7 @@ from fgnav.checks import FloatArray
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
+from tests.benchmarks._rows import Row, row
 from tests.benchmarks.wrong_fix import lower_bound
 from tests.integers.arrays import make, simulated
 
@@ -40,7 +41,7 @@ CASES = {
 }
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return a row for each spread."""
     return [_row(name, factor) for name, factor in SPREADS.items()]
 
@@ -78,7 +79,7 @@ def _counted(resolver: Constrained, d: DoubleDifferences, flight: Flight) -> Flo
     return np.array([accepted.sum(), wrong.sum(), declared])
 
 
-def _row(name: str, factor: float) -> dict[str, object]:
+def _row(name: str, factor: float) -> Row:
     told, total = [], np.zeros(2)
     rng = np.random.default_rng(400)  # the same flights for every spread
     for case, what in CASES.items():
@@ -93,5 +94,4 @@ def _row(name: str, factor: float) -> dict[str, object]:
     accepted, wrong = total
     share, asked = 100.0 * float(wrong / max(accepted, 1)), 100.0 * WRONG_MAX
     note = "% wrong of the accepted; peer: the share asked for. " + ". ".join(told)
-    row: dict[str, object] = {"name": f"weak_arrays_{name}", "ours": share, "peer": asked}
-    return {**row, "ratio": asked / share if share else None, "unit": "%", "note": note}
+    return row(f"weak_arrays_{name}", share, asked, "%", note, less=True)

@@ -26,6 +26,7 @@ from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.validation import share_threshold
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
+from tests.benchmarks._rows import Row, row
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make, simulated
 
 SETS, NODES = 100_000, 10**5
@@ -91,7 +92,7 @@ class Tally:
     ruled_wrong: int = 0  # accepted with wrong integers that do
 
 
-def run() -> list[dict[str, object]]:
+def run() -> list[Row]:
     """Return a row for each scenario, its table in the note."""
     return [*(_row(name, tally(name, SETS)) for name in SCENARIOS), caught(OF_LAMBDA)]
 
@@ -265,7 +266,7 @@ def _turned_deg(
     return np.asarray(turned), wrong
 
 
-def caught(sets: int) -> dict[str, object]:
+def caught(sets: int) -> Row:
     """Return how many wrong fixes of LAMBDA on the array of the paper its chi-square finds."""
     rng = np.random.default_rng(200)
     d = make(rng, epochs=sets, code_m=1.0, sine=True).differences
@@ -281,8 +282,7 @@ def caught(sets: int) -> dict[str, object]:
         f"them turn the array by > 1 deg; chi-square of the rigid array at {TAIL:g} refuses "
         f"{refused[far].sum()} of these, {refused[~far].sum()} of the others; peer: the target"
     )
-    row: dict[str, object] = {"name": "wrong_fix_caught", "ours": share, "peer": 99.0}
-    return {**row, "ratio": share / 99.0, "unit": "%", "note": note}
+    return row("wrong_fix_caught", share, 99.0, "%", note)
 
 
 def lower_bound(wrong: int, sets: int) -> float:
@@ -306,7 +306,7 @@ def _of_rule(t: Tally) -> str:
     )
 
 
-def _row(name: str, tallies: dict[str, Tally]) -> dict[str, object]:
+def _row(name: str, tallies: dict[str, Tally]) -> Row:
     told = []
     for case, t in tallies.items():
         told.append(
@@ -321,7 +321,5 @@ def _row(name: str, tallies: dict[str, Tally]) -> dict[str, object]:
     total = _total(list(tallies.values()))
     observed = 100.0 * total.wrong / max(total.accepted, 1)
     declared = 100.0 * total.declared / max(total.accepted, 1)
-    row: dict[str, object] = {"name": name, "ours": observed, "peer": declared}
-    ratio = declared / observed if observed else None
     note = "% wrong of the accepted; peer: the declared share. " + ". ".join(told)
-    return {**row, "ratio": ratio, "unit": "%", "note": note}
+    return row(name, observed, declared, "%", note, less=True)

@@ -1,8 +1,8 @@
 """Clean flights, recordings and drawn faulty flights in one run: errors, NEES, time, outcomes.
 
-Three parts: ten kinds of clean flights with eight seeds each; recordings, where ``FGNAV_SHARED``
-has them; and short drawn flights, 60 clean and each with two faults of its own. Outcomes and limits
-are defined in ``_yardstick_results``. The seeds of each part begin at a base that chose nothing.
+Three parts: ten kinds of clean flights with eight seeds each; recordings, where there are any; and
+short drawn flights, 60 clean and each with two faults of its own. Outcomes and limits are defined
+in ``_yardstick_results``. The seeds of each part begin at a base that chose nothing.
 
 ``YARDSTICK_SHARE`` (1) sets the share of the flights, ``YARDSTICK_PARTS`` names some of the parts.
 Every estimate is written to ``yardstick.json`` as it comes, the rows at the end.
@@ -15,15 +15,16 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict
 from itertools import count
-from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 from scipy.special import betaincinv
 
+from fgnav.io.atomic_write import write_text
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.flight import Flight
+from tests.benchmarks._rows import DATA, ROOT, Row, row
 from tests.benchmarks._yardstick_flights import KINDS, clean_flight
 from tests.benchmarks._yardstick_recordings import RECORDINGS
 from tests.benchmarks._yardstick_results import OUTCOMES, STATES, UNITS, Result, judged
@@ -31,8 +32,7 @@ from tests.robustness.drawn import flights as drawn_flights
 from tests.robustness.drawn.dirty import dirty
 
 SHARE = float(os.environ.get("YARDSTICK_SHARE", "1"))
-SHARED = os.environ.get("FGNAV_SHARED")
-YARDSTICK_JSON = Path(__file__).resolve().parents[2] / "yardstick.json"
+YARDSTICK_JSON = ROOT / "yardstick.json"
 CLEAN_SEED, DRAWN_SEED, FAULT_SEED, REDRAWN = 530_000_000, 560_000_000, 570_000_000, 1_000_000
 SEEDS, DRAWN, FAULTS_EACH = 8, 60, 2
 METHODS = {"batch": Batch(), "smoother": Smoother(), "forward": Forward()}
@@ -50,7 +50,7 @@ NAMES = tuple(
 )
 
 
-def run() -> list[dict]:
+def run() -> list[Row]:
     """Return a row for each kind, each recording, and each outcome of the drawn flights."""
     for kind in drawn_flights.KINDS:  # kernels are compiled, on flights that are not counted
         flight = drawn_flights.right_flight(kind, DRAWN_SEED - 1)
@@ -74,12 +74,10 @@ def run() -> list[dict]:
     return rows
 
 
-def write(results: list[Result], rows: list[dict]) -> None:
-    """Write all results and rows, whole or not at all."""
-    part = YARDSTICK_JSON.with_suffix(f".{os.getpid()}.part")
+def write(results: list[Result], rows: list[Row]) -> None:
+    """Write all results and rows."""
     whole = {"share": SHARE, "rows": rows, "results": [asdict(result) for result in results]}
-    part.write_text(json.dumps(whole, indent=1) + "\n")
-    part.replace(YARDSTICK_JSON)
+    write_text(YARDSTICK_JSON, json.dumps(whole, indent=1) + "\n")
 
 
 def show(groups: dict[str, list[Result]]) -> None:
@@ -113,9 +111,9 @@ def _clean() -> Iterator[Result]:
 
 def _recordings() -> Iterator[Result]:
     """Yield the recordings, where there are any."""
-    for name in list(RECORDINGS)[: _some(len(RECORDINGS))] if SHARED else []:
+    for name in list(RECORDINGS)[: _some(len(RECORDINGS))] if DATA.is_dir() else []:
         print(f"  recordings: {name}", flush=True)
-        yield Result(part="recordings", name=name, **RECORDINGS[name](Path(SHARED or "") / "data"))
+        yield Result(part="recordings", name=name, **RECORDINGS[name]())
 
 
 def _drawn() -> Iterator[Result]:
@@ -168,7 +166,7 @@ def _seconds(group: list[Result]) -> float:
     return float(np.median([one.seconds for one in group]))
 
 
-def _row_of_group(name: str, group: list[Result]) -> dict:
+def _row_of_group(name: str, group: list[Result]) -> Row:
     """Return the row of a kind or recording: its first RMSE, or else its time."""
     rmse = zip(_typical(group, "rmse").values(), UNITS, strict=True)
     known = [(x, unit) for x, unit in rmse if not math.isnan(x)]
@@ -179,19 +177,22 @@ def _row_of_group(name: str, group: list[Result]) -> dict:
     outcomes = Counter(one.outcome for one in group if one.outcome not in ("", "right"))
     parts += [f"{number} {outcome}" for outcome, number in outcomes.items()]
     parts += [f"{_seconds(group):.2f} s", f"{sum(one.said for one in group)} of {len(group)} said"]
-    return _row(name, *(known or [(_seconds(group), "s")])[0], ", ".join(parts))
+    ours, unit = (known or [(_seconds(group), "s")])[0]
+    return row(f"yardstick_{name}", ours, None, unit, ", ".join(parts))
 
 
-def _rows_of_outcomes(part: str, group: list[Result]) -> list[dict]:
+def _rows_of_outcomes(part: str, group: list[Result]) -> list[Row]:
     """Return a row for each outcome of drawn flights; of clean ones also the false alarms."""
     rows = []
     for outcome in OUTCOMES if group else ():
         said = [one.said for one in group if one.outcome == outcome]
         note = f"{_limit(len(said), len(group))}; {sum(said)} said"
-        rows.append(_row(f"{part}_{outcome}", len(said), "flights", note))
+        name = f"yardstick_{part}_{outcome}".replace(" ", "_")
+        rows.append(row(name, len(said), None, "flights", note))
     if part == "drawn" and group:
         alarms = sum(one.said for one in group)
-        rows.append(_row("false_alarms", alarms, "flights", _limit(alarms, len(group))))
+        note = _limit(alarms, len(group))
+        rows.append(row("yardstick_false_alarms", alarms, None, "flights", note))
     return rows
 
 
@@ -199,8 +200,3 @@ def _limit(number: int, of: int) -> str:
     """Return the upper confidence limit of a share (Clopper and Pearson 1934)."""
     most = 1.0 if number == of else betaincinv(number + 1, of - number, CONFIDENCE)
     return f"of {of}, at most {100 * most:.1f} % ({100 * CONFIDENCE:.0f} % confidence)"
-
-
-def _row(name: str, ours: float, unit: str, note: str) -> dict:
-    row = {"name": f"yardstick_{name}".replace(" ", "_"), "ours": float(ours), "unit": unit}
-    return row | {"peer": None, "ratio": None, "note": note}

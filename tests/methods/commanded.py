@@ -4,6 +4,7 @@ import numpy as np
 
 from fgnav_sim.data_sets.gravity_motions import MOTIONS, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import uniform
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 
@@ -18,7 +19,7 @@ def flights(count, seed):
         scenario = Scenario(
             name=f"{kind} {number}",
             duration_s=DURATION_S,
-            motion=drawn_motion(world, kind, rng=rng),
+            motion=drawn_motion(world, kind, uniform(rng)),
             imu=world.imu,
             fixes=FixesTable(rate_hz=10.0, velocity_noise_mps=0.05),
         )

@@ -17,7 +17,7 @@ from fgnav.methods.stream import Stream
 from fgnav.methods.streaming import going_on
 from fgnav.methods.streaming.recording import epochs_s, joined, pieces
 from fgnav.types.flight import InitialAttitude
-from fgnav_sim.gnss.tables import BaseTable, OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import OutageTable, Point, SlipsTable
 from fgnav_sim.motion import Straight
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
@@ -26,7 +26,7 @@ from tests.methods.test_truncation import scenario
 STATED = Forward(noise="stated")
 ONE = ((0.5, 0.1, 0.0),)
 SLIPS = SlipsTable(rate_per_hour=60.0, largest_cycles=10, flagged_share=0.5)
-AHEAD = BaseTable(latitude_deg=40.36, longitude_deg=-3.88, height_m=600.0)
+AHEAD = Point(latitude_deg=40.36, longitude_deg=-3.88, height_m=600.0)
 GONE = OutageTable(from_s=4.0, until_s=5.0)
 RISING = OutageTable(until_s=5.0, azimuth_deg=(0.0, 150.0))
 

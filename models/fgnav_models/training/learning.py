@@ -1,48 +1,58 @@
 """What recipes of networks that measure have in common: how one learns, and what it is told of."""
 
-from collections.abc import Callable, Mapping
-from typing import Annotated
+from collections.abc import Mapping
 
-import msgspec
 import numpy as np
 import torch
 
 from fgnav.checks import FloatArray
 from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav.neural.manifest import Statistic
-from fgnav_models.training.train import Batch, Settings
+from fgnav_models.training.order import Order
+from fgnav_models.training.train import Batch, Batches, Loss, Settings
+from fgnav_sim.ranges import Count
 
-Count = Annotated[int, msgspec.Meta(ge=1)]
 _VALIDATIONS = 10
 
 
-class Steps(Table, frozen=True):
-    """How long and how fast a network learns."""
+class Learning(Table, frozen=True):
+    """How a network is made: how long and how fast it learns."""
 
     steps: Count = 8000
     batch: Count = 1024
     learning_rate: Positive = 2e-3
     weight_decay: NotNegative = 0.0
+    width: Count = 128  # of its hidden layers
+    # of the training windows that lie beyond each bound of the declared domain
+    domain_percent: Positive = 0.02
 
-    def settings(self, seed: int, validations: int = _VALIDATIONS) -> Settings:
-        """Return what ``train`` takes, validated so many times."""
-        return Settings(
+    def train(
+        self, order: Order, name: str, net: torch.nn.Module, batches: Batches, loss: Loss,
+        held: Batch, seed: int,
+    ) -> None:  # fmt: skip
+        """Train a network on the order's device, validated on held-out rows; it ends on the CPU.
+
+        Raises
+        ------
+        SliceOver
+            If the time was up before the end.
+        """
+        settings = Settings(
             steps=self.steps,
             learning_rate=self.learning_rate,
             optimizer="adamw" if self.weight_decay else "adam",
             weight_decay=self.weight_decay,
             clip_norm=1.0,
             seed=seed,
-            validate_every=max(1, self.steps // validations),
+            validate_every=max(1, self.steps // _VALIDATIONS),
         )
 
+        def validated(module: torch.nn.Module) -> dict[str, float]:
+            with torch.no_grad():
+                return {"negative_log_likelihood": float(loss(module, held))}
 
-class Learning(Steps, frozen=True):
-    """How a network is made."""
-
-    width: Count = 128  # of its hidden layers
-    # of the training windows that lie beyond each bound of the declared domain
-    domain_percent: Positive = 0.02
+        order.train(name, net, batches, loss, settings, validated)
+        net.cpu()
 
     def domain(
         self,
@@ -66,11 +76,3 @@ class Learning(Steps, frozen=True):
             span = (0.0 if name in calm else low, high)
             out.append(Statistic(name=name, unit=units[name], range=span))
         return tuple(out)
-
-
-def validated(
-    loss: Callable[[torch.nn.Module, Batch], torch.Tensor], module: torch.nn.Module, batch: Batch
-) -> dict[str, float]:
-    """Return the loss, a negative log-likelihood, on held-out rows."""
-    with torch.no_grad():
-        return {"negative_log_likelihood": float(loss(module, batch))}

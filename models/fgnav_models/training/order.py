@@ -1,14 +1,29 @@
 """What ``fgnav train`` asks of whoever trains: where to, how large, on what, until when."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Protocol, TypeAlias
 
-from fgnav_models.training.train import Progress
+import torch
+
+from fgnav.io.atomic_write import made_folder, write_text
+from fgnav_models.training.train import (
+    Batches,
+    Loss,
+    Progress,
+    Settings,
+    Trained,
+    Validate,
+    train,
+)
 
 Scale: TypeAlias = Literal["smoke", "cpu", "paper"]
 Device: TypeAlias = Literal["cpu", "cuda"]
+
+
+class SliceOver(Exception):  # noqa: N818  # no error: the next slice goes on
+    """The time is up; a checkpoint says where to go on."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,14 +39,60 @@ class Order:
     watch: Callable[[str, Progress], None]  # to be told what is trained and how it stands
     plan: bool = False  # a few steps of each network in the place of all
 
+    def train(
+        self,
+        name: str,
+        module: torch.nn.Module,
+        batches: Batches,
+        loss: Loss,
+        settings: Settings,
+        validate: Validate | None = None,
+    ) -> Trained:
+        """Train a module, or go on, with its checkpoint in the folder of a name.
+
+        Raises
+        ------
+        SliceOver
+            If the time was up before the end.
+        """
+        trained = train(
+            module,
+            batches,
+            loss,
+            settings,
+            made_folder(self.out / name) / "checkpoint.safetensors",
+            validate=validate,
+            deadline_s=self.deadline_s,
+            watch=lambda progress: self.watch(name, progress),
+        )
+        if not trained.finished:
+            raise SliceOver
+        return trained
+
+    def report(
+        self, heads: Sequence[str], rows: Sequence[Sequence[str]], words: str = ""
+    ) -> list[str]:
+        """Write words and a table into ``report.md``; return the lines to print."""
+        path = self.out / "report.md"
+        write_text(path, f"{words}{markdown_table(heads, rows)}\n")
+        return [*(" | ".join(row) for row in rows), f"the table is in {path}"]
+
 
 class Trainer(Protocol):
     """What a kind of recipe is run by."""
 
-    def __call__(self, order: Order) -> list[str] | None:
-        """Train until done or the deadline.
+    def __call__(self, order: Order) -> list[str]:
+        """Train until done; return the lines to print at the end.
 
-        Returns the lines to print at the end, or None where the time was up: the next call, with
-        the same folder, goes on from there.
+        Raises
+        ------
+        SliceOver
+            If the time was up: the next call, with the same folder, goes on from there.
         """
         ...
+
+
+def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

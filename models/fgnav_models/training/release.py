@@ -3,7 +3,7 @@
 import platform
 import subprocess
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -21,7 +21,7 @@ from fgnav.neural.manifest import UNKNOWN, Manifest, Origin, save_manifest
 from fgnav.neural.network import load_network
 from fgnav.shipped import shipped
 from fgnav_models.training.contract import Release
-from fgnav_models.training.order import Order
+from fgnav_models.training.order import Order, markdown_table
 
 AGREEMENT = 1e-5  # onnxruntime against torch, of an output's root mean square
 _OPSET = 17
@@ -114,12 +114,6 @@ def card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> st
     parts = [f"# {manifest.name}", manifest.purpose]
     parts += [f"## {title}\n\n{text.strip()}" for title, text in sections.items()]
     return "\n\n".join(parts) + "\n"
-
-
-def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def disagreement(ours: Sequence[FloatArray], theirs: Sequence[FloatArray]) -> list[float]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import from_euler
-from fgnav.io.strict_toml import NotNegative, Table
+from fgnav.io.strict_toml import Table
 from fgnav_sim.motion import Command, Hold
 
 
@@ -22,24 +22,6 @@ class UniformAttitudes(Table, frozen=True, tag="uniform", tag_field="kind"):
         if self.each == "epoch":
             return uniform_rotations(len(t_run_s), rng=rng)
         return uniform_rotations(int(run.max(initial=0)) + 1, rng=rng)[run]
-
-
-class AnglesWithin(Table, frozen=True, tag="within", tag_field="kind"):
-    """3-2-1 Euler angles uniform within limits of both signs, for each epoch or for each run."""
-
-    roll_deg: NotNegative = 180.0
-    pitch_deg: NotNegative = 90.0
-    yaw_deg: NotNegative = 180.0
-    each: Literal["epoch", "run"] = "epoch"
-
-    def __call__(
-        self, t_run_s: FloatArray, run: IntArray, *, rng: np.random.Generator
-    ) -> FloatArray:
-        """Return R_nb, (n, 3, 3), of epochs at times since their run's start, (n,)."""
-        count = len(t_run_s) if self.each == "epoch" else int(run.max(initial=0)) + 1
-        limits = np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])[:, None]
-        R_nb = from_euler(*rng.uniform(-limits, limits, (3, count)))
-        return R_nb if self.each == "epoch" else R_nb[run]
 
 
 class CommandedAttitudes(Table, frozen=True, tag="commanded", tag_field="kind"):
@@ -67,7 +49,7 @@ class CommandedAttitudes(Table, frozen=True, tag="commanded", tag_field="kind"):
         return np.asarray(uniform_rotations(int(run.max(initial=0)) + 1, rng=rng)[run] @ R_nb)
 
 
-Attitudes: TypeAlias = UniformAttitudes | AnglesWithin | CommandedAttitudes
+Attitudes: TypeAlias = UniformAttitudes | CommandedAttitudes
 
 
 def uniform_rotations(count: int, *, rng: np.random.Generator) -> FloatArray:

@@ -7,9 +7,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.types.flight import Flight
-from fgnav_sim.data_sets.gravity_bodies import BODIES, drawn_body
+from fgnav_sim.data_sets.gravity_bodies import BODIES
 from fgnav_sim.data_sets.gravity_motions import MOTIONS, drawn_motion
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import log_uniform, uniform
 from fgnav_sim.scenario import FixesTable, Scenario
 from fgnav_sim.simulate import simulate
 
@@ -85,7 +86,7 @@ def gravity_flight(world: GravityWorld, phase: str, *, rng: np.random.Generator)
     """
     imu_b_m = np.array(world.accelerometer_arm_m) * rng.uniform(-1, 1, 3)
     antenna_b_m = imu_b_m + np.array(world.antenna_arm_m) * rng.uniform(-1, 1, 3)
-    noise_mps = float(np.exp(rng.uniform(*np.log(world.velocity_noise_mps))))
+    noise_mps, draw = log_uniform(world.velocity_noise_mps, rng), uniform(rng)
     scenario = Scenario(
         name=phase,
         duration_s=world.windows.flight_s,
@@ -94,11 +95,10 @@ def gravity_flight(world: GravityWorld, phase: str, *, rng: np.random.Generator)
         antennas_b_m=(tuple(antenna_b_m.tolist()),),
         imu=msgspec.structs.replace(world.imu, position_b_m=tuple(imu_b_m.tolist())),
         fixes=FixesTable(rate_hz=VELOCITY_HZ, velocity_noise_mps=noise_mps),
-        flown=drawn_body(world, phase, rng=rng) if phase in BODIES else None,
+        flown=BODIES[phase](world, draw) if phase in BODIES else None,
     )
     if phase in MOTIONS:
-        motion = drawn_motion(world, phase, rng=rng)
-        scenario = msgspec.structs.replace(scenario, motion=motion)
+        scenario = msgspec.structs.replace(scenario, motion=drawn_motion(world, phase, draw))
     return simulate(scenario, rng)
 
 

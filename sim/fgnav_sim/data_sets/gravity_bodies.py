@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from functools import cache
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
-from fgnav_sim.data_sets.gravity_world import GravityWorld, Range
+from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.motion import Command, Rate, Sine
+from fgnav_sim.ranges import Draw
 from fgnav_sim.vehicle.flown_table import (
     AttitudeTable,
     FlownTable,
@@ -17,8 +17,6 @@ from fgnav_sim.vehicle.flown_table import (
     WindTable,
 )
 from fgnav_sim.vehicle.tables import Column, MotorTable, Vehicle, load_vehicle
-
-_Draw: TypeAlias = Callable[[Range], float]
 
 _BURNT_OUT_S = -60.0  # ignition; longer ago than any shipped motor burns
 _STEP_S = 2e-3  # of the integration; five to a row of 10 ms
@@ -29,22 +27,7 @@ _GLIDER_THRUST = (0.05, 0.35)
 _LIFT, _MOMENT = ("cl0", "cl1", "cl3", "cla", "cyb"), ("cm1", "cm3", "cma", "cmq", "clp", "cnb")
 
 
-def drawn_body(world: GravityWorld, phase: str, *, rng: np.random.Generator) -> FlownTable:
-    """Return a flight of a rigid body of a kind.
-
-    Parameters
-    ----------
-    phase : str
-        One of ``BODIES``.
-    """
-
-    def draw(limits: Range) -> float:
-        return float(rng.uniform(*limits))
-
-    return BODIES[phase](world, draw)
-
-
-def _rocket(world: GravityWorld, draw: _Draw) -> FlownTable:
+def _rocket(world: GravityWorld, draw: Draw) -> FlownTable:
     """Return a rocket with fins from its rail, or after burnout at any slope; canards rest."""
     ranges, vehicle = world.bodies, _varied("rocket", world, draw)
     if draw((0, 1)) < 0.5:  # one body, without the forebody that rolls freely
@@ -62,7 +45,7 @@ def _rocket(world: GravityWorld, draw: _Draw) -> FlownTable:
     return _in_air(flown, world, draw)
 
 
-def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
+def _guided(world: GravityWorld, draw: Draw) -> FlownTable:
     """Return a rocket from its rail or after burnout, its attitude commanded by canards."""
     boosts = draw((0, 1)) < 0.5
     pitch, yaw = draw((45.0, 85.0) if boosts else (10.0, 85.0)), draw((-180.0, 180.0))
@@ -94,7 +77,7 @@ def _guided(world: GravityWorld, draw: _Draw) -> FlownTable:
     return _in_air(flown, world, draw)
 
 
-def _glider(world: GravityWorld, draw: _Draw) -> FlownTable:
+def _glider(world: GravityWorld, draw: Draw) -> FlownTable:
     """Return a glider off its trim, half of them with a motor that climbs or holds the height."""
     vehicle = _varied("glider", world, draw)
     if draw((0, 1)) < 0.5:
@@ -116,7 +99,7 @@ def _glider(world: GravityWorld, draw: _Draw) -> FlownTable:
     return _in_air(flown, world, draw, _CALMER)
 
 
-def _vacuum(world: GravityWorld, draw: _Draw) -> FlownTable:
+def _vacuum(world: GravityWorld, draw: Draw) -> FlownTable:
     """Return a body that tumbles without air."""
     spin = draw(world.bodies.spin_degps) * draw((0, 1)) ** 2
     pitch, speed = draw((-89.0, 89.0)), draw(world.bodies.coast_mps)
@@ -129,7 +112,7 @@ def _vacuum(world: GravityWorld, draw: _Draw) -> FlownTable:
 
 
 def _start(
-    world: GravityWorld, draw: _Draw, speed: float, pitch: float, bank: float, spin: float
+    world: GravityWorld, draw: Draw, speed: float, pitch: float, bank: float, spin: float
 ) -> StartTable:
     """Return a start along the nose, its bank up to a limit, its spin either way."""
     across = world.bodies.tumble_degps[1]
@@ -144,7 +127,7 @@ def _start(
     )
 
 
-def _in_air(flown: FlownTable, world: GravityWorld, draw: _Draw, share: float = 1.0) -> FlownTable:
+def _in_air(flown: FlownTable, world: GravityWorld, draw: Draw, share: float = 1.0) -> FlownTable:
     """Return a flight in wind, from two directions at two heights, and gusts."""
     limits = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
     size = np.array([share * draw(one) for one in limits])
@@ -158,7 +141,7 @@ def _in_air(flown: FlownTable, world: GravityWorld, draw: _Draw, share: float = 
     return msgspec.structs.replace(flown, wind=wind, gusts=gusts)
 
 
-def _swing(world: GravityWorld, draw: _Draw, middle_deg: float, times: float = 1.0) -> Command:
+def _swing(world: GravityWorld, draw: Draw, middle_deg: float, times: float = 1.0) -> Command:
     return Sine(
         amplitude_deg=times * draw(world.bodies.swing_deg),
         rate_radps=draw(world.bodies.swing_radps),
@@ -170,7 +153,7 @@ def _swing(world: GravityWorld, draw: _Draw, middle_deg: float, times: float = 1
 _shipped = cache(load_vehicle)
 
 
-def _varied(name: str, world: GravityWorld, draw: _Draw) -> Vehicle:
+def _varied(name: str, world: GravityWorld, draw: Draw) -> Vehicle:
     """Return a shipped vehicle with figures multiplied by what is drawn for each group."""
     ranges, vehicle = world.bodies, _shipped(name)
     mass, thrust = draw(ranges.mass), draw(ranges.thrust)
@@ -211,7 +194,7 @@ def _times(factor: float, column: Column) -> Column:
     return factor * column
 
 
-BODIES: dict[str, Callable[[GravityWorld, _Draw], FlownTable]] = {
+BODIES: dict[str, Callable[[GravityWorld, Draw], FlownTable]] = {
     "rocket": _rocket,
     "guided": _guided,
     "glider": _glider,

@@ -2,44 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav_sim.data_sets.gravity_world import GravityWorld, Range
-from fgnav_sim.motion import Arc, Command, Motion, Rate, Sine, State, Straight
+from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.motion import Arc, Command, Motion, Rate, Sine, State, Straight, Trajectory
+from fgnav_sim.ranges import Draw
 
 _GRAVITY_MPS2 = 9.81  # for the bank of a coordinated turn alone
 
-_Draw: TypeAlias = Callable[[Range], float]
 
-
-def drawn_motion(
-    world: GravityWorld, phase: str, *, rng: np.random.Generator
-) -> Callable[[FloatArray], State]:
-    """Return a flight of a kind.
-
-    Parameters
-    ----------
-    phase : str
-        One of ``MOTIONS``.
-
-    Returns
-    -------
-    callable
-        Takes times in seconds, shape (n,), and gives the states at them.
-    """
-
-    def draw(limits: Range) -> float:
-        return float(rng.uniform(*limits))
-
-    return _surging(MOTIONS[phase](world, draw), world, draw)
-
-
-def _surging(motion: Motion, world: GravityWorld, draw: _Draw) -> Callable[[FloatArray], State]:
-    """Return the motion with an acceleration that swings along its first course."""
+def drawn_motion(world: GravityWorld, phase: str, draw: Draw) -> Trajectory:
+    """Return a motion of ``MOTIONS`` with an acceleration that swings along its first course."""
+    motion = MOTIONS[phase](world, draw)
     size_mps2, rate_radps = draw(world.motion.surge_mps2), draw(world.motion.wobble_radps)
     start_rad = draw((0.0, 2 * np.pi))
     first_n_mps = motion(np.zeros(1)).v_n_mps[0]
@@ -63,7 +40,7 @@ def _surging(motion: Motion, world: GravityWorld, draw: _Draw) -> Callable[[Floa
     return surging
 
 
-def _straight(world: GravityWorld, draw: _Draw, slope_deg: float) -> Motion:
+def _straight(world: GravityWorld, draw: Draw, slope_deg: float) -> Motion:
     """Return a straight flight along a slope, its long axis along the path but for wobbles."""
     speed, course = draw(world.motion.speed_mps), draw((-180.0, 180.0))
     slope = np.radians(slope_deg)
@@ -79,7 +56,7 @@ def _straight(world: GravityWorld, draw: _Draw, slope_deg: float) -> Motion:
     )
 
 
-def _turn(world: GravityWorld, draw: _Draw) -> Motion:
+def _turn(world: GravityWorld, draw: Draw) -> Motion:
     """Return a level turn with the bank that keeps the lift in the body's plane of symmetry."""
     speed, pull_mps2 = draw(world.motion.speed_mps), draw(world.motion.turn_mps2)
     side, course = np.sign(draw((-1.0, 1.0))), draw((-180.0, 180.0))
@@ -98,7 +75,7 @@ def _turn(world: GravityWorld, draw: _Draw) -> Motion:
     )
 
 
-def _spin(world: GravityWorld, draw: _Draw) -> Motion:
+def _spin(world: GravityWorld, draw: Draw) -> Motion:
     """Return a straight flight on any slope that rolls steadily."""
     steepest = world.motion.climb_deg[1]
     straight = _straight(world, draw, draw((-steepest, steepest)))
@@ -106,7 +83,7 @@ def _spin(world: GravityWorld, draw: _Draw) -> Motion:
     return msgspec.structs.replace(straight, roll=Rate(rate_degps=rate_degps, start_deg=0.0))
 
 
-def _wobble(world: GravityWorld, draw: _Draw, middle_deg: float) -> Command:
+def _wobble(world: GravityWorld, draw: Draw, middle_deg: float) -> Command:
     return Sine(
         amplitude_deg=draw(world.motion.wobble_deg),
         rate_radps=draw(world.motion.wobble_radps),
@@ -115,7 +92,7 @@ def _wobble(world: GravityWorld, draw: _Draw, middle_deg: float) -> Command:
     )
 
 
-MOTIONS: dict[str, Callable[[GravityWorld, _Draw], Motion]] = {
+MOTIONS: dict[str, Callable[[GravityWorld, Draw], Motion]] = {
     "climb": lambda world, draw: _straight(world, draw, draw(world.motion.climb_deg)),
     "cruise": lambda world, draw: _straight(world, draw, 0.0),
     "descent": lambda world, draw: _straight(world, draw, -draw(world.motion.climb_deg)),

@@ -1,21 +1,10 @@
 """What a world file may say about samples for learning gravity."""
 
-from typing import Annotated
-
 import msgspec
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table
+from fgnav_sim.ranges import Count, Range, check_ranges
 from fgnav_sim.scenario import ImuTable, Place
-
-Range = tuple[float, float]
-Count = Annotated[int, msgspec.Meta(ge=1)]
-
-
-def _check_ranges(table: Table) -> None:
-    for name in table.__struct_fields__:
-        low, high = getattr(table, name)
-        if not 0 <= low <= high:
-            raise ValueError(f"{name}: must be a range above zero, got {[low, high]}")
 
 
 class PhasesTable(Table, frozen=True):
@@ -69,9 +58,8 @@ class MotionRanges(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _check_ranges(self)
-        if self.speed_mps[0] <= 0 or self.turn_mps2[0] <= 0 or self.wobble_radps[0] <= 0:
-            raise ValueError("speed_mps: must be above zero, as turn_mps2 and wobble_radps")
+        check_ranges(self, "speed_mps", "turn_mps2", "wobble_radps")
+        check_ranges(self, "climb_deg", "surge_mps2", "spin_degps", "wobble_deg", zero=True)
 
 
 class BodyRanges(Table, frozen=True):
@@ -100,7 +88,7 @@ class BodyRanges(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _check_ranges(self)
+        check_ranges(self, *self.__struct_fields__, zero=True)
 
 
 class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
@@ -124,10 +112,7 @@ class GravityWorld(Table, frozen=True, tag="gravity", tag_field="kind"):
 
     def __post_init__(self) -> None:
         """Check what one key's type cannot say."""
-        if not 0 < self.velocity_noise_mps[0] <= self.velocity_noise_mps[1]:
-            raise ValueError(
-                f"velocity_noise_mps: must be a range above zero, got {self.velocity_noise_mps}"
-            )
+        check_ranges(self, "velocity_noise_mps")
         if self.shard_epochs % self.windows.per_flight:
             raise ValueError(
                 f"shard_epochs: must hold whole flights of {self.windows.per_flight} windows, "

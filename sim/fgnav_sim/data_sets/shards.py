@@ -154,12 +154,13 @@ def make_data_set(
     ]
     for k, size in enumerate(sizes):
         name = f"{k + 1:04d}.npz"
-        if not (k < len(done) and _is_intact(folder / done[k].name, done[k])):
+        path = folder / name
+        if not (k < len(done) and path.is_file() and _digest(path) == done[k].sha256):
             columns = _drawn(world, seed, k, size)
             if not (folder / MANIFEST).exists():  # before any shard: a folder always says whose
                 made_folder(folder)
                 _write_manifest(folder, manifest)
-            shard = Shard(name=name, epochs=size, sha256=_write(folder / name, columns))
+            shard = Shard(name=name, epochs=size, sha256=_write(path, columns))
             done = (*done[:k], shard, *done[k + 1 :])
             _write_manifest(folder, msgspec.structs.replace(manifest, shards=done))
         progress((k + 1) / len(sizes))
@@ -214,10 +215,6 @@ def _portable(world: World | GravityWorld) -> World | GravityWorld:
         for key in ("navigation", "orbits")
     }
     return msgspec.structs.replace(world, satellites=msgspec.structs.replace(table, **files))
-
-
-def _is_intact(path: Path, shard: Shard) -> bool:
-    return path.is_file() and _digest(path) == shard.sha256
 
 
 def _digest(path: Path) -> str:

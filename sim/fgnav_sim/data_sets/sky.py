@@ -1,7 +1,6 @@
 """The skies of a data set: where and when its runs are, and which satellites they see."""
 
 from dataclasses import dataclass
-from datetime import datetime
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,12 +8,11 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.gnss.orbits.satellites import satellite_states
-from fgnav.types.orbits import PreciseOrbits
-from fgnav_sim.data_sets.world import AnySites, AnyTimes, DayTimes, SatellitesTable, World
-from fgnav_sim.gnss.constellation import built_in_positions, orbits_of_files
+from fgnav_sim.data_sets.world import AnySites, AnyTimes, SatellitesTable, World
+from fgnav_sim.gnss.constellation import built_in_positions, orbits_of_files, satellites_of
 from fgnav_sim.gnss.selection import best_geometry, lasting, period
+from fgnav_sim.scenario import gps_s
 
-_GPS_EPOCH = datetime(1980, 1, 6)  # GPS time has no time zone
 _BLOCK = 8192  # skies at a time: small enough for the cache, large enough to forget the loop
 _ALL = 16  # of one constellation; more are never above 10 degrees
 
@@ -104,7 +102,7 @@ def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
         start_s = time_rng.uniform(0.0, 86_400.0 * world.times.days, moments)
         t_s = np.repeat(start_s, shared)[:runs, None] + step_s * offset
         return _Series(t_s=t_s, p_e_m=p_e_m, R_ne=R_ne, row=np.arange(runs * epochs))
-    grid = _grid(world.times, step_s)
+    grid = max(1, int(np.ceil(world.times.duration_s / step_s - 1e-6)))  # epochs of the span
     first = time_rng.integers(0, grid - epochs, runs, endpoint=True)
     at = first[:, None] + offset
     if isinstance(world.sites, AnySites) or _differs(world.satellites):
@@ -123,11 +121,6 @@ def _differs(table: SatellitesTable) -> bool:
     """Return whether two runs at one place and time may have different satellites."""
     by_chance = table.choose != "all" and table.pick == "random"
     return by_chance or isinstance(table.choose, tuple)
-
-
-def _grid(times: DayTimes, step_s: float) -> int:
-    """Return how many epochs a span holds."""
-    return max(1, int(np.ceil(times.duration_s / step_s - 1e-6)))
 
 
 def _places(
@@ -151,7 +144,7 @@ def _places(
 def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray, FloatArray]:
     """Return all satellites, each sky's moment (k,), and positions at the moments (t, s, 3)."""
     distinct_s, moment = np.unique(t_s, return_inverse=True)
-    start_gps_s = (world.start - _GPS_EPOCH).total_seconds()
+    start_gps_s = gps_s(world.start)
     files = world.satellites
     broadcast, precise = orbits_of_files(files.navigation, files.orbits, start_gps_s)
     orbits = precise or broadcast
@@ -159,8 +152,7 @@ def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray
         letters = tuple(world.satellites.signals)
         names, p_e_m = built_in_positions(letters, start_gps_s, distinct_s)
         return names, moment.ravel(), p_e_m
-    known = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
-    names = tuple(sorted({str(name) for name in known if name[0] in world.satellites.signals}))
+    names = satellites_of(orbits, files.signals)
     times_s = np.repeat(distinct_s[:, None], len(names), axis=1)
     p_e_m = satellite_states(orbits, names, times_s).p_e_m
     if not np.isfinite(p_e_m).any():

@@ -13,19 +13,12 @@ from fgnav.shipped import file_or_shipped
 from fgnav_sim.data_sets.attitudes import Attitudes, UniformAttitudes
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable, check_signals
+from fgnav_sim.ranges import Count, check_ranges
 from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place, resolved
 
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 # A figure, or the range it is drawn from. Neither constraints nor fixed lengths: msgspec 0.22 takes
 # one for the other where both stand in a union.
 Drawn: TypeAlias = float | tuple[float, ...]
-
-
-def _check_drawn(name: str, value: Drawn) -> None:
-    """Raise unless a figure is above zero, or a range has two of them in order."""
-    figures = value if isinstance(value, tuple) else (value, value)
-    if len(figures) != 2 or not 0 < figures[0] <= figures[1]:
-        raise ValueError(f"{name}: must be above zero, or a range of two such figures, got {value}")
 
 
 class FixedSites(Table, frozen=True, tag="fixed", tag_field="kind"):
@@ -76,7 +69,7 @@ class SatellitesTable(Table, frozen=True):
         """Check signals, range and files."""
         check_signals(self.signals)
         if self.choose != "all":
-            _check_drawn("choose", self.choose)
+            check_ranges(self, "choose")
         if self.navigation and self.orbits:
             raise ValueError("orbits: must not stand beside navigation; name one of the two")
 
@@ -102,10 +95,7 @@ class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        for name in ("antennas", "scale"):
-            low, high = getattr(self, name)
-            if low > high:
-                raise ValueError(f"{name}: must be a range, got {[low, high]}")
+        check_ranges(self, "antennas", "scale")
 
 
 class NoiseTable(Table, frozen=True):
@@ -118,8 +108,7 @@ class NoiseTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check ranges."""
-        _check_drawn("code_m", self.code_m)
-        _check_drawn("phase_m", self.phase_m)
+        check_ranges(self, "code_m", "phase_m")
 
 
 class OutliersTable(Table, frozen=True):

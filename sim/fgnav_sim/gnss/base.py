@@ -5,17 +5,16 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from fgnav.geometry.earth import Origin
 from fgnav.types.flight import Base
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.gnss.receiver import observe
-from fgnav_sim.gnss.tables import BaseTable, GnssTable
+from fgnav_sim.gnss.tables import GnssTable, Point
 from fgnav_sim.motion import Motion, Straight
-from fgnav_sim.scenario import Place, Scenario
+from fgnav_sim.scenario import Scenario
 
 
 def stand(
-    table: BaseTable,
+    place: Point,
     sensor: GnssTable,
     scenario: Scenario,
     orbits: BroadcastOrbits | PreciseOrbits,
@@ -40,9 +39,6 @@ def stand(
     BadInputError
         If no satellite is above the mask there at any time.
     """
-    place = Place(
-        latitude_deg=table.latitude_deg, longitude_deg=table.longitude_deg, height_m=table.height_m
-    )
     still = msgspec.structs.replace(
         scenario,
         origin=place,
@@ -63,7 +59,5 @@ def stand(
         messages=messages,
         satellite_cycles=satellite_cycles,
         rng=rng,
-        progress=lambda _share: None,
     )
-    frame: Origin = place.frame
-    return Base(position_e_m=frame.p_e_m, observations=received.observations)
+    return Base(position_e_m=place.frame.p_e_m, observations=received.observations)

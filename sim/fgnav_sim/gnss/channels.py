@@ -7,6 +7,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.gnss.orbits.satellites import look_angles, satellite_states
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
+from fgnav_sim.gnss.constellation import satellites_of
 from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.scenario import Scenario
 
@@ -22,11 +23,6 @@ class Channels:
     at: IntArray
     satellites: tuple[str, ...]
     signals: tuple[str, ...]
-
-    @property
-    def first_of_satellite(self) -> IntArray:
-        """One channel of each satellite in view, (s,)."""
-        return np.unique(self.at, return_index=True)[1]
 
 
 def channels_in_view(
@@ -66,8 +62,7 @@ def _in_view(
     sensor: GnssTable, scenario: Scenario, orbits: BroadcastOrbits | PreciseOrbits, t_s: FloatArray
 ) -> tuple[str, ...]:
     """Return the satellites of the wanted constellations that may come above the mask."""
-    known = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
-    wanted = tuple(str(name) for name in np.unique(known) if name[0] in sensor.signals)
+    wanted = satellites_of(orbits, sensor.signals)
     scan_s = np.append(np.arange(t_s[0], t_s[-1], _SCAN_S), t_s[-1])
     states = satellite_states(orbits, wanted, np.repeat(scan_s[:, None], len(wanted), axis=1))
     _, elevation_rad, _ = look_angles(places_e_m(scenario, scan_s), states.p_e_m)

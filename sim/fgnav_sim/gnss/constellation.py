@@ -1,5 +1,6 @@
 """Satellites without a file: nominal constellations, as the messages they would broadcast."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,6 +113,15 @@ def orbits_of_files(
 
         precise = read_precise([Path(name) for name in orbits], start_gps_s)
     return broadcast, precise
+
+
+def satellites_of(
+    orbits: BroadcastOrbits | PreciseOrbits, constellations: Iterable[str]
+) -> tuple[str, ...]:
+    """Return the satellites of some constellations that orbits know, in order."""
+    known = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
+    letters = tuple(constellations)
+    return tuple(sorted({str(name) for name in known if name[0] in letters}))
 
 
 def built_in_positions(

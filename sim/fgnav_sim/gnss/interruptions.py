@@ -91,15 +91,15 @@ def _blocked(
     blocked = np.zeros((len(t_s), antennas, sky.elevation_rad.shape[1]), dtype=bool)
     names = antenna_names(antennas)
     for outage in outages:
-        until_s = np.inf if outage.until_s is None else outage.until_s
-        now = (t_s >= outage.from_s) & (t_s < until_s)
         first, second = np.radians(outage.azimuth_deg)
         width = (second - first) % (2 * np.pi) or 2 * np.pi
         low, high = np.radians(outage.elevation_deg)
         inside = (sky.azimuth_rad - first) % (2 * np.pi) <= width
         inside &= (sky.elevation_rad >= low) & (sky.elevation_rad <= high)
         concerned = [not outage.antennas or name in outage.antennas for name in names]
-        blocked |= (now[:, None] & inside)[:, None] & np.array(concerned)[None, :, None]
+        blocked |= (outage.holds(t_s)[:, None] & inside)[:, None] & np.array(concerned)[
+            None, :, None
+        ]
     return blocked
 
 

@@ -37,7 +37,7 @@ def observe(
     messages: BroadcastOrbits | None = None,
     satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
-    progress: Callable[[float], None],
+    progress: Callable[[float], None] = lambda _share: None,
 ) -> "Received":
     """Return what the receivers measure, and the integers that nobody tells them.
 
@@ -80,7 +80,10 @@ def observe(
                 measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
         progress(min(1.0, (first + _BLOCK) / len(t_s)))
     if sensor.wind_up and measured.e_b is not None:
-        measured.wind(*_wound(scenario, t_s - offset_s[:, 0], measured.e_b), channels)
+        true_s = t_s - offset_s[:, 0]
+        state = scenario.motion(true_s)
+        pole_b = scenario.origin.frame.R_ne[:, 2] @ state.R_nb
+        measured.wind(*wind_up(measured.e_b, pole_b, state.w_nb_b_radps, true_s), channels)
     measured.blur(sensor, noise_rng)
     if sensor.multipath is not None:
         measured.echo(sensor, sensor.multipath, echo_rng)
@@ -215,7 +218,7 @@ def _above(
     above = measured.elevation_rad > np.radians(sensor.receiver_mask_deg)
     if sensor.choose == "all":
         return np.asarray(above)
-    one = channels.first_of_satellite
+    one = np.unique(channels.at, return_index=True)[1]  # of each satellite
     of_satellites = chosen(
         sensor.choose,
         above[:, one],
@@ -313,12 +316,6 @@ def _directions_b(scenario: Scenario, t_s: FloatArray, seen: Links) -> FloatArra
         scenario.motion(t_s).R_nb,
     )
     return np.asarray(np.einsum("nml,nlk->nmk", e_local, to_b))
-
-
-def _wound(scenario: Scenario, t_s: FloatArray, e_b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    state = scenario.motion(t_s)
-    pole_b = scenario.origin.frame.R_ne[:, 2] @ state.R_nb
-    return wind_up(e_b, pole_b, state.w_nb_b_radps, t_s)
 
 
 def _echoes(

@@ -1,10 +1,14 @@
 """What a scenario file may say about receivers, their satellites and what disturbs them."""
 
+import math
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
+import numpy as np
 from msgspec import field
 
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.geometry.earth import Origin
 from fgnav.gnss.signals import CONSTELLATIONS, known
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
@@ -14,6 +18,9 @@ from fgnav.types.receiver import Measured
 Angle = Annotated[float, msgspec.Meta(ge=0, lt=90)]
 _Azimuth = Annotated[float, msgspec.Meta(ge=0, le=360)]
 _Elevation = Annotated[float, msgspec.Meta(ge=-90, le=90)]
+Latitude: TypeAlias = Annotated[float, msgspec.Meta(ge=-90, le=90)]
+Longitude: TypeAlias = Annotated[float, msgspec.Meta(ge=-360, le=360)]
+Height: TypeAlias = Annotated[float, msgspec.Meta(gt=-1e4, lt=1e5)]
 Choice: TypeAlias = Literal["all"] | Annotated[int, msgspec.Meta(ge=4)]
 
 
@@ -49,12 +56,26 @@ class LossOfLockTable(Table, frozen=True):
     mean_s: Positive = 1.0
 
 
-class OutageTable(Table, frozen=True):
-    """Links that are not there during a span of time, in a sector of the sky, of some antennas."""
+class SpanTable(Table, frozen=True, kw_only=True):
+    """A span of time, up to and without its end; until the flight's where none is given."""
 
-    # from_s, until_s: until the end where the second is not given
     from_s: NotNegative = 0.0
     until_s: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Require a span that is not empty."""
+        if self.until_s is not None and self.until_s <= self.from_s:
+            raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
+
+    def holds(self, t_s: FloatArray) -> BoolArray:
+        """Return which times, (n,), are in the span."""
+        until_s = np.inf if self.until_s is None else self.until_s
+        return np.asarray((t_s >= self.from_s) & (t_s < until_s))
+
+
+class OutageTable(SpanTable, frozen=True):
+    """Links that are not there during a span of time, in a sector of the sky, of some antennas."""
+
     # the sector reaches clockwise from the first to the second; all around where they are equal
     azimuth_deg: tuple[_Azimuth, _Azimuth] = (0.0, 360.0)
     elevation_deg: tuple[_Elevation, _Elevation] = (-90.0, 90.0)
@@ -62,8 +83,7 @@ class OutageTable(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Require spans that are not empty."""
-        if self.until_s is not None and self.until_s <= self.from_s:
-            raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
+        super().__post_init__()
         if self.elevation_deg[0] >= self.elevation_deg[1]:
             raise ValueError(f"elevation_deg: must increase, got {list(self.elevation_deg)}")
 
@@ -115,12 +135,21 @@ class Cn0Table(Table, frozen=True):
     sets_noise: bool = False
 
 
-class BaseTable(Table, frozen=True):
-    """Where a receiver stands on the ground; its make and rate are those on board."""
+class Point(Table, frozen=True):
+    """A point on or above the ellipsoid."""
 
-    latitude_deg: Annotated[float, msgspec.Meta(ge=-90, le=90)]
-    longitude_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)]
-    height_m: Annotated[float, msgspec.Meta(gt=-1e4, lt=1e5)]
+    latitude_deg: Latitude
+    longitude_deg: Longitude
+    height_m: Height
+
+    @property
+    def frame(self) -> Origin:
+        """The frame ``n`` at this point."""
+        return Origin(
+            latitude_rad=math.radians(self.latitude_deg),
+            longitude_rad=math.radians(self.longitude_deg),
+            height_m=self.height_m,
+        )
 
 
 class GnssTable(Table, frozen=True):
@@ -163,7 +192,8 @@ class GnssTable(Table, frozen=True):
     wind_up: bool = False
     clock: ClockTable = ClockTable()
     rinex: RinexVersion = "3.04"  # version of the files that ``fgnav simulate`` writes
-    base: BaseTable | None = None  # a station on the ground that records, too
+    # where a receiver of the same make and rate stands on the ground and records, too
+    base: Point | None = None
     slips: SlipsTable | None = None
     loss_of_lock: LossOfLockTable | None = None
     outages: tuple[OutageTable, ...] = ()

@@ -55,9 +55,7 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
         currents *= _total_a(sensor, sensor.optics, distance_m, spot_m[seen])[:, None]
         currents = _read(sensor.optics, currents + sensor.optics.noise_a * noise[seen])
     for shade in sensor.occlusions:
-        until_s = np.inf if shade.until_s is None else shade.until_s
-        dark = (t_s[seen] >= shade.from_s) & (t_s[seen] < until_s)
-        currents[dark, shade.quadrant - 1] = 0.0
+        currents[shade.holds(t_s[seen]), shade.quadrant - 1] = 0.0
     return Seeker(
         t_s=t_s[seen],
         currents=currents,

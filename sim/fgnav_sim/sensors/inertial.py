@@ -1,6 +1,5 @@
 """Accelerometer and gyroscope: the true point values, and the errors of real triads."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,39 +11,6 @@ from fgnav_sim.gauss_markov import flicker
 from fgnav_sim.scenario import ImuTable, Scenario
 
 _BLOCK = 50_000  # samples whose motion is held in memory at a time
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Triad:
-    """What is wrong with three sensors that ought to be alike and at right angles."""
-
-    density: float  # of white noise, unit per square root of Hz
-    bias: float  # 1-sigma of the constant bias
-    walk: float  # of the bias, unit per square root of s
-    instability: float  # B of flicker noise, whose Allan deviation is ``0.664 B``
-    # scale, misalignment_rad: 1-sigma of each scale factor's error, and of each angle by which an
-    # axis leans to another
-    scale: float
-    misalignment_rad: float
-    limit: float | None  # no sample is larger
-
-    def __call__(self, true: FloatArray, rate_hz: float, *, rng: np.random.Generator) -> FloatArray:
-        """Return what the triad measures of true values, (k, 3)."""
-        matrix_rng, flicker_rng = rng.spawn(2)
-        constant = self.bias * rng.standard_normal(3)
-        steps = self.walk / np.sqrt(rate_hz) * rng.standard_normal(true.shape)
-        steps[0] = 0.0
-        white = self.density * np.sqrt(rate_hz) * rng.standard_normal(true.shape)
-        measured = true
-        if self.scale or self.misalignment_rad:
-            lean = self.misalignment_rad * matrix_rng.standard_normal((3, 3))
-            gain = 1 + self.scale * matrix_rng.standard_normal(3)
-            measured = true @ np.where(np.eye(3, dtype=bool), gain, lean).T
-        measured = measured + (constant + np.cumsum(steps, axis=0) + white)
-        if self.instability:
-            measured += flicker(self.instability, 1 / rate_hz, true.shape, rng=flicker_rng)
-        limit = np.inf if self.limit is None else self.limit
-        return np.asarray(np.clip(measured, -limit, limit))
 
 
 def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> Imu:
@@ -64,12 +30,10 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
         w_b_radps[block] = state.inertial_rate_b_radps(origin)
     measured_b_radps = None
     if sensor.gyroscope_noise_radps_per_sqrt_hz is not None:
-        gyroscope = triad(sensor, "gyroscope", "radps")
-        measured_b_radps = gyroscope(w_b_radps, sensor.rate_hz, rng=gyroscope_rng)
-    accelerometer = triad(sensor, "accelerometer", "mps2")
+        measured_b_radps = _measured(sensor, "gyroscope", "radps", w_b_radps, rng=gyroscope_rng)
     return Imu(
         t_s=t_s,
-        f_b_mps2=accelerometer(f_b_mps2, sensor.rate_hz, rng=accelerometer_rng),
+        f_b_mps2=_measured(sensor, "accelerometer", "mps2", f_b_mps2, rng=accelerometer_rng),
         w_b_radps=measured_b_radps,
         position_b_m=lever_b_m,
         **{name: getattr(sensor, name) for name in IMU},
@@ -91,18 +55,33 @@ def saturated(sensor: ImuTable, imu: Imu) -> tuple[Loss, ...]:
     return tuple(loss for loss in losses if loss.count)
 
 
-def triad(sensor: ImuTable, name: str, unit: str) -> Triad:
-    """Return what is wrong with an accelerometer (mps2) or a gyroscope (radps) of a table."""
+def _measured(
+    sensor: ImuTable, name: str, unit: str, true: FloatArray, *, rng: np.random.Generator
+) -> FloatArray:
+    """Return what an accelerometer (mps2) or gyroscope (radps) makes of true values, (k, 3).
+
+    Three sensors that ought to be alike and at right angles.
+    """
 
     def figure(key: str) -> Any:  # noqa: ANN401  # by name
         return getattr(sensor, f"{name}_{key}")
 
-    return Triad(
-        density=figure(f"noise_{unit}_per_sqrt_hz"),
-        bias=figure(f"bias_{unit}"),
-        walk=figure(f"bias_walk_{unit}_per_sqrt_s"),
-        instability=figure(f"bias_instability_{unit}"),
-        scale=figure("scale"),
-        misalignment_rad=figure("misalignment_rad"),
-        limit=figure(f"range_{unit}"),
-    )
+    rate_hz, scale, misalignment_rad = sensor.rate_hz, figure("scale"), figure("misalignment_rad")
+    instability, limit = figure(f"bias_instability_{unit}"), figure(f"range_{unit}")
+    matrix_rng, flicker_rng = rng.spawn(2)
+    constant = figure(f"bias_{unit}") * rng.standard_normal(3)
+    walk = figure(f"bias_walk_{unit}_per_sqrt_s")
+    steps = walk / np.sqrt(rate_hz) * rng.standard_normal(true.shape)
+    steps[0] = 0.0
+    density = figure(f"noise_{unit}_per_sqrt_hz")
+    white = density * np.sqrt(rate_hz) * rng.standard_normal(true.shape)
+    measured = true
+    if scale or misalignment_rad:
+        lean = misalignment_rad * matrix_rng.standard_normal((3, 3))
+        gain = 1 + scale * matrix_rng.standard_normal(3)
+        measured = true @ np.where(np.eye(3, dtype=bool), gain, lean).T
+    measured = measured + (constant + np.cumsum(steps, axis=0) + white)
+    if instability:
+        measured += flicker(instability, 1 / rate_hz, true.shape, rng=flicker_rng)
+    limit = np.inf if limit is None else limit
+    return np.asarray(np.clip(measured, -limit, limit))

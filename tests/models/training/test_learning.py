@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav_models.training.learning import Learning, Steps
+from fgnav_models.training.learning import Learning
 
 
 def test_a_domain_spans_what_training_saw_but_for_a_few():
@@ -14,14 +14,3 @@ def test_a_domain_spans_what_training_saw_but_for_a_few():
     speed, change = Learning(domain_percent=5.0).domain(units, seen, ("change_mps2",))
     assert (speed.name, speed.unit, speed.range) == ("speed_mps", "m/s", (-90.0, 90.0))
     assert change.range == (0.0, 2.9)  # calmer than any is no other world
-
-
-def test_settings_are_those_of_the_table():
-    found = Steps(steps=400, batch=8, learning_rate=2e-5).settings(3, validations=20)
-    assert (found.steps, found.learning_rate, found.seed, found.validate_every) == (
-        400,
-        2e-5,
-        3,
-        20,
-    )
-    assert Steps(steps=5).settings(1).validate_every == 1

@@ -36,7 +36,7 @@ def test_the_papers_world_is_a_hundred_days_over_madrid():
         ("runs = { epochs = 5761 }\nshard_epochs = 5761", r"times.duration_s: must be longer than"),
         ("sites = { kind = 'moon' }", r"sites.kind: must be one of fixed, anywhere, got 'moon'"),
         ("sites = { kind = 'fixed', places = [{ latitude_deg = 91.0 }] }", r"latitude_deg"),
-        ("satellites = { choose = [6, 4] }", r"satellites.choose: must be above zero, or a range"),
+        ("satellites = { choose = [6, 4] }", r"satellites.choose: must be above zero, and a range"),
         ("satellites = { choose = 0 }", r"satellites.choose: must be above zero"),
         ("satellites = { signals = {} }", r"satellites.signals: must name one constellation"),
         (
@@ -53,18 +53,30 @@ def test_the_papers_world_is_a_hundred_days_over_madrid():
             "satellites = { navigation = ['a'], orbits = ['b'] }",
             r"satellites.orbits: must not stand beside navigation",
         ),
-        ("noise = { code_m = -1.0 }", r"noise.code_m: must be above zero, or a range of two"),
-        ("noise = { phase_m = [0.1, 0.2, 0.3] }", r"noise.phase_m: must be above zero, or a range"),
+        ("noise = { code_m = -1.0 }", r"noise.code_m: must be above zero, and a range"),
+        (
+            "noise = { phase_m = [0.1, 0.2, 0.3] }",
+            r"noise.phase_m: must be above zero, and a range",
+        ),
         ("array = { kind = 'given', antennas_b_m = [[0, 0, 0]] }", r"two antennas or more"),
-        ("array = { kind = 'random', antennas = [8, 3] }", r"array.antennas: must be a range"),
-        ("array = { kind = 'random', scale = [2.0, 1.0] }", r"array.scale: must be a range"),
+        (
+            "array = { kind = 'random', antennas = [8, 3] }",
+            r"array.antennas: must be above zero, and a range",
+        ),
+        (
+            "array = { kind = 'random', scale = [2.0, 1.0] }",
+            r"array.scale: must be above zero, and a range",
+        ),
         (
             "array = { kind = 'random' }\n"
             "[[reflectors]]\npoint_b_m = [0, 0, 1]\nnormal_b = [0, 0, 1]",
             r"reflectors: need one array for all runs",
         ),
         ("kind = 'gravity'\nshard_epochs = 30", r"shard_epochs: must hold whole flights of 20"),
-        ("kind = 'gravity'\nmotion = { climb_deg = [9, 5] }", r"motion.climb_deg: must be a range"),
+        (
+            "kind = 'gravity'\nmotion = { climb_deg = [9, 5] }",
+            r"motion.climb_deg: must be zero or more, and a range",
+        ),
         ("kind = 'gravity'\nmotion = { speed_mps = [0, 5] }", r"motion.speed_mps: must be above"),
         (
             "kind = 'gravity'\nphases = { climb = 0, cruise = 0, descent = 0, turn = 0, spin = 0, "

@@ -21,7 +21,6 @@ from fgnav_models.training.ambiguity.data import Parts, Rows, Samples, Shuffled
 from fgnav_models.training.ambiguity.nets import (
     AmbiguityNet,
     Architecture,
-    Count,
     Task,
     cycles_of,
     loss_of,
@@ -29,7 +28,8 @@ from fgnav_models.training.ambiguity.nets import (
     whitened,
 )
 from fgnav_models.training.order import Order
-from fgnav_models.training.train import Batch, Settings, train
+from fgnav_models.training.train import Batch, Settings
+from fgnav_sim.ranges import Count
 
 Targets: TypeAlias = Literal["benchmark", "each", "shared"]
 _CHUNK = 4096  # rows answered at a time
@@ -72,10 +72,6 @@ class Result:
     test: dict[str, Any]
     rows: dict[str, int]  # of each part
     seconds: float  # of this slice's training
-
-
-class SliceOver(Exception):  # noqa: N818  # no error: the next slice goes on
-    """The time is up; a checkpoint says where to go on."""
 
 
 def columns_of(experiment: Experiment, differences: int) -> IntArray:
@@ -142,24 +138,20 @@ def run_experiment(
         columns = columns_of(experiment, samples.cycles.shape[1])
     rows = Rows(samples, columns, experiment.window, order.device)
     net = network_of(experiment, samples, parts, columns).to(order.device)
-    checkpoint = folder / "checkpoint.safetensors"
     start_s = perf_counter()
-    trained = train(
+    trained = order.train(
+        name,
         net,
         Shuffled(rows, parts.train, experiment.batch, experiment.seed),
         lambda module, batch: _loss(experiment.task, module, batch),
         _settings(experiment, len(parts.train)),
-        checkpoint,
-        validate=lambda module: _validation(experiment, module, rows, parts.validation),
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(name, progress),
+        lambda module: _validation(experiment, module, rows, parts.validation),
     )
-    if not trained.finished:
-        raise SliceOver
     seconds = perf_counter() - start_s
     answers = answers_of(net, rows, parts.test)
     if keep_weights:
-        wrong = _wrong(samples, parts.test, columns, answers)
+        wrong = answers != samples.cycles[parts.test][:, columns]
+        wrong &= samples.is_present[parts.test][:, columns]
         _save(folder / "weights.safetensors", net.state_dict())
         _save(folder / "failures.safetensors", {"failed": torch.from_numpy(wrong)})
     validation = {}
@@ -175,17 +167,12 @@ def run_experiment(
         seconds=seconds,
     )
     write_text(done, json.dumps(msgspec.to_builtins(result), indent=1) + "\n")
-    checkpoint.unlink()
+    (folder / "checkpoint.safetensors").unlink()
     return result
 
 
 def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> Figures:
     return figures(answers, samples.cycles[rows][:, columns], samples.is_present[rows][:, columns])
-
-
-def _wrong(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArray) -> BoolArray:
-    wrong = answers != samples.cycles[rows][:, columns]
-    return np.asarray(wrong & samples.is_present[rows][:, columns])
 
 
 def read_failures(folder: Path) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +14,23 @@ from fgnav.io.atomic_write import atomic_file
 _MARKERS = "osD^vPX*"
 
 
-def curves(
+def lines(
     path: Path,
-    x: FloatArray,
-    lines: Mapping[str, FloatArray],
+    values: Mapping[str, tuple[FloatArray | IntArray, FloatArray]],
     labels: tuple[str, str],
     *,
-    levels: Mapping[str, float],
+    style: str = "-",
+    log: bool = False,
+    levels: Mapping[str, float] | None = None,
 ) -> None:
-    """Draw a line per name over common ``x``, and dashed levels across."""
+    """Draw a line, or markers alone, per name: whole x, and y; and dashed levels across."""
     with _axes(path, labels) as axes:
-        for marker, (name, y) in zip(_MARKERS, lines.items(), strict=False):
-            axes.plot(x, y, marker=marker, label=name)
-        for name, level in levels.items():
+        for marker, (name, (x, y)) in zip(cycle(_MARKERS), values.items(), strict=False):
+            axes.plot(x, y, linestyle=style, marker=marker, markersize=4, label=name)
+        for name, level in (levels or {}).items():
             axes.axhline(level, color="0.4", linestyle="--", linewidth=0.8, label=name)
-        axes.set_xticks(x)
+        axes.xaxis.get_major_locator().set_params(integer=True)
+        axes.set_yscale("log" if log else "linear")
         axes.legend()
 
 
@@ -41,40 +44,6 @@ def bars(path: Path, values: Mapping[str, float], label: str) -> None:
         if len(finite):
             margin = 0.2 * (finite.max() - finite.min()) + 1e-9
             axes.set_ylim(finite.min() - margin, finite.max() + margin)
-
-
-def points(path: Path, values: Mapping[str, FloatArray], labels: tuple[str, str]) -> None:
-    """Draw one marker per item and name."""
-    with _axes(path, labels) as axes:
-        for marker, (name, y) in zip(_MARKERS, values.items(), strict=False):
-            axes.plot(np.arange(len(y)), y, linestyle="", marker=marker, markersize=4, label=name)
-        axes.legend()
-
-
-def counts(
-    path: Path,
-    values: Mapping[str, IntArray | FloatArray],
-    labels: tuple[str, str],
-    *,
-    first: int,
-) -> None:
-    """Draw counts over whole numbers from ``first`` on, logarithmic; zero is left out."""
-    with _axes(path, labels) as axes:
-        for marker, (name, y) in zip(_MARKERS, values.items(), strict=False):
-            shown = np.where(np.asarray(y) >= 1e-2, y, np.nan)
-            axes.plot(first + np.arange(len(y)), shown, marker=marker, markersize=4, label=name)
-        axes.set_yscale("log")
-        axes.legend()
-
-
-def histories(path: Path, values: Mapping[str, list[dict[str, float]]]) -> None:
-    """Draw the share of wrong validation answers over the steps, one line per name."""
-    with _axes(path, ("step", "wrong, %")) as axes:
-        for name, history in values.items():
-            x = [row["step"] for row in history]
-            axes.plot(x, [row["wrong_percent"] for row in history], label=name)
-        axes.set_yscale("log")
-        axes.legend()
 
 
 @contextmanager

@@ -10,26 +10,24 @@ import msgspec
 import numpy as np
 
 from fgnav.checks import IntArray
-from fgnav.io.atomic_write import write_text
 from fgnav.io.strict_toml import Table, as_table
 from fgnav_models.training.ambiguity.baselines import Figures, figures, majority, of_baselines
 from fgnav_models.training.ambiguity.data import Data, Rows, Samples, draw, parts_of
 from fgnav_models.training.ambiguity.experiment import (
     Experiment,
-    SliceOver,
     answers_of,
     columns_of,
     network_of,
     read_weights,
     run_experiment,
 )
-from fgnav_models.training.ambiguity.nets import AmbiguityNet, Count
+from fgnav_models.training.ambiguity.nets import AmbiguityNet
 from fgnav_models.training.ambiguity.released import release_network
 from fgnav_models.training.contract import Release
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import laid_over, plain
-from fgnav_models.training.release import markdown_table
 from fgnav_sim.data_sets.world import World
+from fgnav_sim.ranges import Count
 
 ANSWERS = ("network", "rounding", "majority", "same time")
 _DATA, _PARTS, _ELSEWHERE = range(3)  # streams of random numbers
@@ -50,24 +48,18 @@ class Study(Table, frozen=True):
     seed: int = 1
 
 
-def run(order: Order) -> list[str] | None:
+def run(order: Order) -> list[str]:
     """Run the studies of a recipe; a ``fgnav_models.training.order.Trainer``.
 
     The recipe's ``[base]`` is what every ``[[study]]`` is laid over; the tables under a study's
     ``elsewhere`` are laid over its own world.
     """
-    rows: list[list[str]] = []
-    try:
-        for study in _studies(order):
-            rows += _run(study, order)
-    except SliceOver:
-        return None
+    studies = _studies(order)
+    rows = [row for study in studies for row in _run(study, order)]
     heads = ("study", "tried on", *ANSWERS, "network, all", "rounding, all")
-    text = markdown_table(heads, rows)
-    notes = [f"- {study.name}: {study.question}" for study in _studies(order) if study.question]
+    notes = [f"- {study.name}: {study.question}\n" for study in studies if study.question]
     units = "Right integers, percent; in the last two columns, epochs with every integer right."
-    write_text(order.out / "report.md", "\n\n".join([units, text, "\n".join(notes)]) + "\n")
-    return [*(" | ".join(row) for row in rows), f"the table is in {order.out / 'report.md'}"]
+    return order.report(heads, rows, "\n".join([units, "", "".join(notes), ""]))
 
 
 def _studies(order: Order) -> list[Study]:

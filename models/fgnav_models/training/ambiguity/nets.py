@@ -15,13 +15,13 @@ from torch import nn
 
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import Table
+from fgnav_sim.ranges import Count
 
 N_MAX = 16  # cycles: the paper's integers lie in [-16, 16]
 CLASSES = 2 * N_MAX + 1
 _LEAST_VARIANCE = 1e-8  # of whitened features; far below the noise of any
 _FIRST_SHARPNESS = 4.0  # log; a score falls by exp(4) one cycle away
 Task: TypeAlias = Literal["classification", "regression"]
-Count: TypeAlias = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class Architecture(Table, frozen=True):
@@ -97,6 +97,43 @@ class StackedRecurrent(nn.Module):  # type: ignore[misc]  # mypy skips torch
         return hidden
 
 
+class Layers(nn.Module):  # type: ignore[misc]  # mypy skips torch
+    """All layers of members: windows (n, k, f) → sums of the last layer (m, n, o).
+
+    An MLP sees all samples of a window at once, a recurrent network one after another.
+    """
+
+    def __init__(
+        self,
+        architecture: Architecture,
+        members: int,
+        shape: tuple[int, int],
+        outputs: int,
+        generator: torch.Generator,
+    ) -> None:
+        super().__init__()
+        self.members, width = members, math.prod(shape)
+        self.recurrent: StackedRecurrent | None = None
+        if architecture.kind != "mlp":
+            self.recurrent = StackedRecurrent(members, shape[1], architecture, generator)
+            width = architecture.recurrent
+        self.dense = nn.ModuleList(
+            StackedDense(members, i, o, generator)
+            for i, o in pairwise((width, *architecture.dense, outputs))
+        )
+        self.dropout = nn.Dropout(architecture.dropout)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Return the last layer's sums, before any activation."""
+        if self.recurrent is None:
+            h = x.flatten(1)[None].expand(self.members, -1, -1)
+        else:
+            h = self.dropout(self.recurrent(x))
+        for k, layer in enumerate(self.dense):
+            h = layer(h) if k == 0 else layer(self.dropout(torch.relu(h)))
+        return h
+
+
 class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
     """Networks for the integers of double differences.
 
@@ -139,20 +176,12 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         self.register_buffer("offset", offset.double())
         self.register_buffer("mix", mix.double())
         self.register_buffer("ranges", targets.long())
-        width = len(offset) * window
-        self.recurrent: StackedRecurrent | None = None
-        if architecture.kind != "mlp":
-            self.recurrent = StackedRecurrent(self.members, len(offset), architecture, generator)
-            width = architecture.recurrent
         plain = task == "classification" and not self.residual
         outputs = self.targets // self.members * (CLASSES if plain else 1)
-        self.dense = nn.ModuleList(
-            StackedDense(self.members, i, o, generator)
-            for i, o in pairwise((width, *architecture.dense, outputs))
-        )
-        self.dropout = nn.Dropout(architecture.dropout)
+        shape = (window, len(offset))
+        self.layers = Layers(architecture, self.members, shape, outputs, generator)
         if self.residual:
-            nn.init.zeros_(self.dense[-1].weight)
+            nn.init.zeros_(self.layers.dense[-1].weight)
             self.sharpness = nn.Parameter(torch.full((self.targets, 1), _FIRST_SHARPNESS))
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
@@ -163,13 +192,7 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         x = x.to(torch.float32 if self.training else torch.float64)
         guess = x[:, -1, self.ranges] if self.residual else None
         x = ((x - self.offset.to(x.dtype)) @ self.mix.to(x.dtype)).float()
-        if self.recurrent is None:
-            h = x.reshape(1, n, -1).expand(self.members, -1, -1)
-        else:
-            h = self.dropout(self.recurrent(x))
-        for k, layer in enumerate(self.dense):
-            h = layer(h) if k == 0 else layer(self.dropout(torch.relu(h)))
-        h = h.transpose(0, 1).reshape(n, self.targets, -1)
+        h = self.layers(x).transpose(0, 1).reshape(n, self.targets, -1)
         if guess is not None:
             return self._corrected(guess + h[:, :, 0].to(guess.dtype))
         return h if self.task == "classification" else torch.sigmoid(h[:, :, 0])

@@ -22,9 +22,10 @@ from fgnav_models.training.ambiguity.experiment import (
     read_failures,
     run_experiment,
 )
-from fgnav_models.training.ambiguity.nets import Architecture, Count, Task
+from fgnav_models.training.ambiguity.nets import Architecture, Task
 from fgnav_models.training.order import Order
 from fgnav_sim.data_sets.world import World
+from fgnav_sim.ranges import Count
 
 Type: TypeAlias = Literal["mlp", "rnn", "lstm"]
 _DATA, _PARTS = range(2)  # streams of random numbers, apart from one another
@@ -122,7 +123,7 @@ def find(campaign: Campaign, order: Order) -> Findings:
 
     Raises
     ------
-    fgnav_models.training.ambiguity.experiment.SliceOver
+    fgnav_models.training.order.SliceOver
         If the time is up.
     """
     samples = draw(

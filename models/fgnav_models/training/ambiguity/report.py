@@ -2,13 +2,14 @@
 
 import json
 import platform
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from fgnav.checks import FloatArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.io.atomic_write import write_text
 from fgnav_models.training.ambiguity import figures as draw
 from fgnav_models.training.ambiguity.baselines import Figures
@@ -21,15 +22,20 @@ from fgnav_models.training.ambiguity.failures import (
     run_lengths,
     shuffled_run_lengths,
 )
-from fgnav_models.training.ambiguity.phases import Findings
-from fgnav_models.training.order import Order
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.ambiguity.phases import Campaign, Findings, find
+from fgnav_models.training.order import Order, markdown_table
+from fgnav_models.training.recipes import scaled
 
 _SHUFFLES = 2  # stream of random numbers
+_LEAST = 1e-2  # of counts to be drawn, whose means over draws may be smaller
 
 
-def write_report(findings: Findings, order: Order) -> list[str]:
-    """Write ``report.md``, ``summary.json`` and ``figure_03.png`` …; return the summary's lines."""
+def run(order: Order) -> list[str]:
+    """Run the phases of a recipe; a ``fgnav_models.training.order.Trainer``.
+
+    Writes ``report.md``, ``summary.json`` and ``figure_03.png`` …
+    """
+    findings = find(scaled(order, Campaign), order)
     sections = [
         *_summary(findings, order),
         *_phase_1(findings, order.out),
@@ -130,17 +136,16 @@ def _phase_1(findings: Findings, out: Path) -> list[str]:
         }
         for number, (figure, _) in wanted.items()
     }
+    levels = {
+        name: float(findings.baselines[name].accuracy_percent[findings.campaign.start.benchmark])
+        for name in ("rounding", "majority")
+    }
     for number, (_, label) in wanted.items():
-        lines = {
-            "rounding": _benchmark(findings, "rounding"),
-            "majority": _benchmark(findings, "majority"),
-        }
-        draw.curves(
+        draw.lines(
             out / f"figure_{number:02d}.png",
-            np.array(grid.windows, dtype=float),
-            curves[number],
+            {name: (np.array(grid.windows), values) for name, values in curves[number].items()},
             ("window, samples", label),
-            levels=lines if number == 3 else {},
+            levels=levels if number == 3 else {},
         )
     rows = [
         [name, *(_percent(v) for v in values), *(f"{v:.3g}" for v in curves[4][name])]
@@ -174,7 +179,11 @@ def _phase_3(findings: Findings, out: Path) -> list[str]:
     for task in findings.campaign.grid.tasks:
         results = _with_prefix(findings, f"3/{task}-")
         if task == "classification":
-            draw.histories(out / "figure_09.png", {k: r.history for k, r in results.items()})
+            lines = {
+                name: (_column(result, "step"), _column(result, "wrong_percent"))
+                for name, result in results.items()
+            }
+            draw.lines(out / "figure_09.png", lines, ("step", "wrong, %"), log=True)
         rows = [
             [name, _percent(best_test(r, "accuracy_percent")), str(int(r.history[-1]["step"]))]
             for name, r in results.items()
@@ -192,13 +201,12 @@ def _phase_4(findings: Findings, out: Path) -> list[str]:
     rounding = findings.final_baselines["rounding"].accuracy_percent
     majority = findings.final_baselines["majority"].accuracy_percent
     accuracies = {task: e.accuracy_percent for task, e in findings.ensembles.items()}
-    draw.points(
-        out / "figure_10.png",
-        accuracies | {"rounding": rounding, "majority": majority},
-        ("double difference", "right, %"),
-    )
+    accuracies |= {"rounding": rounding, "majority": majority}
+    labels = ("double difference", "right, %")
+    draw.lines(out / "figure_10.png", _numbered(accuracies), labels, style="")
     errors = {task: e.mse_failed_cycles2 for task, e in findings.ensembles.items()}
-    draw.points(out / "figure_11.png", errors, ("double difference", "MSE of failures, cycles²"))
+    labels = ("double difference", "MSE of failures, cycles²")
+    draw.lines(out / "figure_11.png", _numbered(errors), labels, style="")
     rows = [
         [
             task,
@@ -229,25 +237,37 @@ def _failures(findings: Findings, out: Path) -> list[str]:
         draws = findings.campaign.final.shuffles
         shuffled = shuffled_run_lengths(ensemble.failed, findings.group, draws, rng=rng)
         labels = ("consecutive failures", "how often")
-        draw.counts(
-            out / f"figure_{number}.png",
-            {task: real[1:], "shuffled": shuffled[1:]},
-            labels,
-            first=1,
-        )
+        values = _numbered({task: real[1:], "shuffled": shuffled[1:]}, 1, _LEAST)
+        draw.lines(out / f"figure_{number}.png", values, labels, log=True)
         joint[task] = joint_failures(ensemble.failed)[1:]
         joint[f"{task}, if independent"] = independent_joint_failures(ensemble.failed)[1:]
         chances = conditional_percent(ensemble.failed, findings.group)
         longest = int(np.flatnonzero(real).max(initial=0))
+        more = " or more" if longest == LONGEST else ""
         sections.append(
-            f"{task}: the longest run of failures is {_longest(longest)} epochs, shuffled "
+            f"{task}: the longest run of failures is {longest}{more} epochs, shuffled "
             f"{np.flatnonzero(shuffled >= 0.5).max(initial=0)}; a failure follows a failure in "
             f"{_percent(chances['after_failure'])} %, a success in "
             f"{_percent(chances['after_success'])} %; most networks that failed together: "
             f"{np.flatnonzero(joint_failures(ensemble.failed)).max(initial=0)}."
         )
-    draw.counts(out / "figure_14.png", joint, ("networks failing together", "epochs"), first=1)
+    labels = ("networks failing together", "epochs")
+    draw.lines(out / "figure_14.png", _numbered(joint, 1, _LEAST), labels, log=True)
     return sections
+
+
+def _column(result: Result, key: str) -> FloatArray:
+    return np.array([row[key] for row in result.history])
+
+
+def _numbered(
+    values: Mapping[str, FloatArray | IntArray], first: int = 0, least: float = -np.inf
+) -> dict[str, tuple[IntArray, FloatArray]]:
+    """Return values, by name, over whole numbers; those below the least are left out."""
+    return {
+        name: (np.arange(first, first + len(y)), np.where(np.asarray(y) >= least, y, np.nan))
+        for name, y in values.items()
+    }
 
 
 def _with_prefix(findings: Findings, prefix: str) -> dict[str, Result]:
@@ -256,18 +276,9 @@ def _with_prefix(findings: Findings, prefix: str) -> dict[str, Result]:
     return {key.removeprefix(prefix): one for key, one in of if key.startswith(prefix)}
 
 
-def _longest(epochs: int) -> str:
-    return f"{epochs} or more" if epochs == LONGEST else str(epochs)
-
-
 def _spread(result: Result, figure: str) -> float:
     values = np.array(result.test[figure], dtype=float)
     return float(values.max() - values.min())
-
-
-def _benchmark(findings: Findings, name: str) -> float:
-    column = findings.campaign.start.benchmark
-    return float(findings.baselines[name].accuracy_percent[column])
 
 
 def _percent(value: float) -> str:

@@ -18,7 +18,7 @@ from fgnav_models.training.gravity.features import (
     CourseMotion,
 )
 from fgnav_models.training.gravity.nets import GravityNet
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.order import markdown_table
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, load_scenario

@@ -5,7 +5,7 @@ from itertools import pairwise
 import torch
 from torch import nn
 
-from fgnav_models.training.ambiguity.nets import Architecture, StackedDense, StackedRecurrent
+from fgnav_models.training.ambiguity.nets import Architecture, Layers, StackedDense
 from fgnav_models.training.gravity.features import (
     SAMPLES,
     VELOCITIES,
@@ -33,7 +33,7 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
     Parameters
     ----------
     architecture : Architecture
-        An MLP sees all samples of the window at once, a recurrent network one after another.
+        Of its layers.
     seen, wanted : tensor, shape (n, k, 3) and (n, 3)
         The training set: specific force and gravity, m/s2.
     seed : int
@@ -49,23 +49,12 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
             low, high = values.amin(dim=0), values.amax(dim=0)
             self.register_buffer(f"{name}_low", low)
             self.register_buffer(f"{name}_range", (high - low).clamp_min(_TINY))
-        self.recurrent: StackedRecurrent | None = None
-        width = seen[0].numel()
-        if architecture.kind != "mlp":
-            self.recurrent = StackedRecurrent(1, 3, architecture, generator)
-            width = architecture.recurrent
-        self.dense = nn.ModuleList(
-            StackedDense(1, i, o, generator) for i, o in pairwise((width, *architecture.dense, 3))
-        )
-        self.dropout = nn.Dropout(architecture.dropout)
+        self.layers = Layers(architecture, 1, (seen.shape[1], 3), 3, generator)
 
     def forward(self, f_b_mps2: torch.Tensor) -> torch.Tensor:
         """Return gravity scaled to 0 … 1, (n, 3), of windows, (n, k, 3)."""
         x = (f_b_mps2 - self.input_low) / self.input_range
-        h = x.flatten(1)[None] if self.recurrent is None else self.dropout(self.recurrent(x))
-        for k, layer in enumerate(self.dense):
-            h = layer(h) if k == 0 else layer(self.dropout(torch.relu(h)))
-        return torch.sigmoid(h[0])
+        return torch.sigmoid(self.layers(x)[0])
 
     def scaled(self, gravity_b_mps2: torch.Tensor) -> torch.Tensor:
         """Return gravity, (n, 3), as ``forward`` does."""

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import ceil
-from pathlib import Path
 from typing import Literal
 
 import msgspec
@@ -10,8 +9,7 @@ import torch
 
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Table
-from fgnav_models.training.ambiguity.experiment import Experiment, SliceOver
-from fgnav_models.training.ambiguity.nets import Count
+from fgnav_models.training.ambiguity.experiment import Experiment
 from fgnav_models.training.ambiguity.phases import Grid, three_phases
 from fgnav_models.training.gravity.data import (
     BASELINES,
@@ -26,9 +24,10 @@ from fgnav_models.training.gravity.data import (
 from fgnav_models.training.gravity.features import GRAVITY_MPS2
 from fgnav_models.training.gravity.nets import PaperGravity
 from fgnav_models.training.order import Order
-from fgnav_models.training.train import Batch, Settings, train
+from fgnav_models.training.train import Batch, Settings
 from fgnav_sim.data_sets.gravity import GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import Count
 
 By = Literal["samples", "flights"]
 _DATA = 4  # stream of random numbers
@@ -85,18 +84,18 @@ class _Bench:
 
     def score(self, name: str, experiment: Experiment) -> float:
         """Return minus the error on the validation windows; what a folder holds is taken."""
-        folder = made_folder(self.order.out / f"paper by {self.by}" / name)
-        done = folder / "outcome.json"
+        place = f"paper by {self.by}/{name}"
+        done = made_folder(self.order.out / place) / "outcome.json"
         if done.exists():
             outcome = msgspec.json.decode(done.read_bytes(), type=_Outcome)
         else:
-            net = self._trained(name, experiment, folder / "checkpoint.safetensors")
+            net = self._trained(place, experiment)
             outcome = _Outcome(*(_error_deg(net, part, experiment) for part in self.parts[1:]))
             write_text(done, msgspec.json.encode(outcome).decode() + "\n")
         self.errors[name] = outcome.test_deg
         return -outcome.validation_deg
 
-    def _trained(self, name: str, experiment: Experiment, checkpoint: Path) -> PaperGravity:
+    def _trained(self, place: str, experiment: Experiment) -> PaperGravity:
         order = self.order
         seen, held = (
             tuple(t.to(order.device) for t in _gravity(part, experiment)) for part in self.parts[:2]
@@ -104,7 +103,8 @@ class _Bench:
         net = PaperGravity(experiment.architecture, seen[0], seen[1], experiment.seed)
         net.to(order.device)
         steps = max(1, ceil(experiment.passes * len(seen[0]) / experiment.batch))
-        trained = train(
+        order.train(
+            place,
             net,
             Drawn(tensors=seen, batch=experiment.batch, seed=experiment.seed),
             _loss,
@@ -115,13 +115,8 @@ class _Bench:
                 seed=experiment.seed,
                 validate_every=max(1, ceil(steps / experiment.validations)),
             ),
-            checkpoint,
-            validate=lambda module: _validation(module, held),
-            deadline_s=order.deadline_s,
-            watch=lambda progress: order.watch(name, progress),
+            lambda module: _validation(module, held),
         )
-        if not trained.finished:
-            raise SliceOver
         net.cpu()
         return net
 

@@ -12,7 +12,6 @@ from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.calibration import calibration
 from fgnav.neural.manifest import Statistic
-from fgnav_models.training.ambiguity.experiment import SliceOver
 from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
 from fgnav_models.training.gravity.factor import (
@@ -32,13 +31,13 @@ from fgnav_models.training.gravity.figures import (
 )
 from fgnav_models.training.gravity.nets import GravityNet, deviation, negative_log_likelihood
 from fgnav_models.training.gravity.paper import PaperStudy, run_paper
-from fgnav_models.training.learning import Count, Learning, validated
+from fgnav_models.training.learning import Learning
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
-from fgnav_models.training.release import made_with, markdown_table
-from fgnav_models.training.train import train
+from fgnav_models.training.release import made_with
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld
+from fgnav_sim.ranges import Count
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _FOLLOWED, _SCENARIOS = 10, 11  # 4 is the paper's
@@ -75,21 +74,14 @@ class Recipe(Table, frozen=True):
     seed: int = 1
 
 
-def run(order: Order) -> list[str] | None:
+def run(order: Order) -> list[str]:
     """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
-    try:
-        rows = []
-        if recipe.paper is not None:
-            rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
-        flights = _Flights(recipe)
-        rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
-    except SliceOver:
-        return None
-    heads = ("network", "tried on", "figure", "value")
-    text = markdown_table(heads, rows)
-    write_text(order.out / "report.md", text + "\n")
-    return [*(" | ".join(row) for row in rows), f"the table is in {order.out / 'report.md'}"]
+    rows, flights = [], _Flights(recipe)
+    if recipe.paper is not None:
+        rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
+    rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
+    return order.report(("network", "tried on", "figure", "value"), rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,19 +120,8 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     net.to(order.device)
     learn, judge = (_tensors(one, order.device, aided=aided) for one in (epochs, held))
     net.scale_inputs(*(tensor[:_SCALED] for tensor in learn[:-1]))
-    trained = train(
-        net,
-        Drawn(tensors=learn, batch=how.batch, seed=seed, mirrored=True),
-        negative_log_likelihood,
-        how.settings(seed),
-        made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: validated(negative_log_likelihood, module, judge),
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(name, progress),
-    )
-    if not trained.finished:
-        raise SliceOver
-    net.cpu()
+    batches = Drawn(tensors=learn, batch=how.batch, seed=seed, mirrored=True)
+    how.train(order, name, net, batches, negative_log_likelihood, judge, seed)
     calibrate(net, held, np.radians(how.most_sigma_deg))
     return net
 

@@ -22,6 +22,7 @@ from fgnav_sim.data_sets.world import (
     World,
 )
 from fgnav_sim.gnss.tables import MultipathTable, ReflectorTable
+from fgnav_sim.ranges import log_uniform
 
 _CLEAN = 0.25  # share of worlds without links worse than stated, and of those with multipath
 
@@ -63,7 +64,7 @@ def drawn_epochs(draw: Draw, rng: np.random.Generator) -> tuple[DoubleDifference
     """Return epochs of one array as a receiver states them, and their true integers."""
     epochs = array_epochs(drawn_world(draw, rng), rng, draw.epochs)
     differences = double_differences_of(epochs)
-    stated = _between(draw.stated, rng) ** 2
+    stated = log_uniform(draw.stated, rng) ** 2
     differences = replace(
         differences,
         code_variance_m2=differences.code_variance_m2 * stated,
@@ -76,12 +77,12 @@ def drawn_world(draw: Draw, rng: np.random.Generator) -> World:
     """Return a world of one array: antennas at the middle, at a corner and anywhere in a box."""
     signals = draw.signals[rng.integers(len(draw.signals))]
     total = _count(draw.satellites, rng)
-    edges_m = _between(draw.scale, rng) * np.array(draw.box_m) * rng.uniform(0.5, 1.0, 3)
+    edges_m = log_uniform(draw.scale, rng) * np.array(draw.box_m) * rng.uniform(0.5, 1.0, 3)
     antennas_b_m = edges_m * rng.uniform(-0.5, 0.5, (_count(draw.antennas, rng), 3))
     antennas_b_m[0] = 0.0
     antennas_b_m[1] = 0.5 * edges_m
-    code_m, phase_m = _between(draw.code_m, rng), _between(draw.phase_m, rng)
-    worse, share = _between(draw.worse, rng), float(rng.uniform(*draw.outliers))
+    code_m, phase_m = log_uniform(draw.code_m, rng), log_uniform(draw.phase_m, rng)
+    worse, share = log_uniform(draw.worse, rng), float(rng.uniform(*draw.outliers))
     clean, echoes = rng.random(2) < _CLEAN
     return World(
         sites=AnySites(),
@@ -133,11 +134,6 @@ def joined(parts: list[TrustSamples]) -> TrustSamples:
     )
 
 
-def _between(span: tuple[float, float], rng: np.random.Generator) -> float:
-    """Return a figure whose logarithm is uniform over a range."""
-    return float(np.exp(rng.uniform(*np.log(span))))
-
-
 def _count(span: tuple[int, int], rng: np.random.Generator) -> int:
     """Return a number from a range, both ends included; the smaller, the likelier."""
-    return int(_between((span[0], span[1] + 1), rng))
+    return int(log_uniform((span[0], span[1] + 1), rng))

@@ -24,10 +24,10 @@ from fgnav_models.training.contract import (
     manifest_of,
     words_and_figures,
 )
-from fgnav_models.training.order import Order
+from fgnav_models.training.order import Order, SliceOver
 from fgnav_models.training.recipes import laid_over, said, scaled
 from fgnav_models.training.release import made_with, release
-from fgnav_models.training.train import Batch, Settings, train
+from fgnav_models.training.train import Batch, Settings
 from fgnav_models.training.trust.data import Draw, TrustSamples, joined, samples_of
 from fgnav_models.training.trust.net import TrustNet, loss_of
 from fgnav_models.training.trust.trials import Judged, figures, judge, merged, table
@@ -63,49 +63,40 @@ class Recipe(Table, frozen=True):
     seed: int = 1
 
 
-def run(order: Order) -> list[str] | None:
+def run(order: Order) -> list[str]:
     """Train, release and judge; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
     arrays = [(0, k) for k in range(recipe.draw.arrays)]
     parts = _kept(order, "samples", arrays, partial(_samples, recipe), TrustSamples)
-    if parts is None:
-        return None
     held_out = np.arange(len(parts)) % _VALIDATION == 0
     learned = joined([part for part, out in zip(parts, held_out, strict=True) if not out])
     validation = joined([part for part, out in zip(parts, held_out, strict=True) if out])
     net = TrustNet(recipe.width, seed=recipe.seed)
     net.normalize(torch.from_numpy(learned.features))
-    trained = train(
+    order.train(
+        "trust",
         net,
         _Batches(learned, recipe),
         loss_of,
         recipe.training,
-        order.out / "trust.safetensors",
-        validate=lambda module: {"entropy": entropy(scores(module, validation), validation)},
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch("trust", progress),
+        lambda module: {"entropy": entropy(scores(module, validation), validation)},
     )
-    if not trained.finished:
-        return None
     net.cold.fill_(1.0 / temperature(scores(net, validation), validation))
     _release(net, recipe, learned, {}, order)
-    draws = [_laid_over(recipe, order, trial) for trial in recipe.trials]
+    learned_from = said(recipe.draw)
+    draws = [
+        as_table(order.recipe, laid_over(learned_from, one.draw), Draw) for one in recipe.trials
+    ]
     tasks = [(d + 1, k) for d, draw in enumerate(draws) for k in range(draw.arrays)]
     tasks.sort(key=lambda task: task[1])
     work = partial(_judged, recipe, draws, order.out / f"{recipe.name}.json")
     judged = _kept(order, "trials", tasks, work, Judged)
-    if judged is None:
-        return None
     worlds = {
         trial.name: merged([x for x, (at, _) in zip(judged, tasks, strict=True) if at == d + 1])
         for d, trial in enumerate(recipe.trials)
     }
     _release(net, recipe, learned, worlds, order)
     return table(worlds).split("\n")
-
-
-def _laid_over(recipe: Recipe, order: Order, trial: Trial) -> Draw:
-    return as_table(order.recipe, laid_over(said(recipe.draw), trial.draw), Draw)
 
 
 def _samples(recipe: Recipe, task: tuple[int, int]) -> TrustSamples:
@@ -126,8 +117,8 @@ def _kept(
     tasks: Sequence[tuple[int, int]],
     work: Callable[[tuple[int, int]], T],
     kind: type[T],
-) -> list[T] | None:
-    """Return what work makes of tasks, made now or read, or None where the time was up."""
+) -> list[T]:
+    """Return what work makes of tasks, made now or read; SliceOver where the time was up."""
     folder = made_folder(order.out / name)
     paths = {task: folder / f"{task[0]}-{task[1]}.npz" for task in tasks}
     missing = [task for task in tasks if not paths[task].exists()]
@@ -136,7 +127,7 @@ def _kept(
     for _ in engine(write, missing, _lost) if len(missing) > _FEW else map(write, missing):
         pass
     if not all(path.exists() for path in paths.values()):
-        return None
+        raise SliceOver
     out = []
     for path in paths.values():
         with np.load(path, allow_pickle=False) as file:

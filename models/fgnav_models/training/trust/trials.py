@@ -15,7 +15,7 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Antenna, Flight
 from fgnav_models.runtime.load import load
 from fgnav_models.runtime.resolver import Network, outside_domain
-from fgnav_models.training.release import markdown_table
+from fgnav_models.training.order import markdown_table
 from fgnav_models.training.trust.data import Draw, drawn_epochs
 
 SURE = 0.999

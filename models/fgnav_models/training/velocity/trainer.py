@@ -3,15 +3,13 @@
 import numpy as np
 import torch
 
-from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
 from fgnav.neural.manifest import Covariance, Output
 from fgnav_models.training.contract import Release, factor_input, manifest_of
-from fgnav_models.training.learning import Count, Learning, validated
+from fgnav_models.training.learning import Learning
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
-from fgnav_models.training.release import made_with, markdown_table, release
-from fgnav_models.training.train import train
+from fgnav_models.training.release import made_with, release
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import figures_of, judged, measured_half_life_s
 from fgnav_models.training.velocity.nets import (
@@ -21,6 +19,7 @@ from fgnav_models.training.velocity.nets import (
     negative_log_likelihood,
 )
 from fgnav_models.training.velocity.vehicles.world import VehiclesWorld
+from fgnav_sim.ranges import Count
 
 _TRAIN, _CALIBRATE, _TEST = range(3)  # streams of random numbers: flights apart
 _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
@@ -47,7 +46,7 @@ class Recipe(Table, frozen=True):
     seed: int = 1
 
 
-def run(order: Order) -> list[str] | None:
+def run(order: Order) -> list[str]:
     """Run a recipe; a ``fgnav_models.training.order.Trainer``."""
     recipe = scaled(order, Recipe)
     how, seed, name = recipe.training, recipe.seed, recipe.release.name
@@ -60,27 +59,15 @@ def run(order: Order) -> list[str] | None:
     net = VelocityNet(window=window, gyroscope=recipe.gyroscope, width=how.width, seed=seed)
     net.to(order.device)
     some = held.on(order.device).windows(*held.every(round(recipe.world.rate_hz), window), window)
-    trained = train(
-        net,
-        Drawn(flights=learn.on(order.device), window=window, batch=how.batch, seed=seed),
-        negative_log_likelihood,
-        how.settings(seed),
-        made_folder(order.out / name) / "checkpoint.safetensors",
-        validate=lambda module: validated(negative_log_likelihood, module, some),
-        deadline_s=order.deadline_s,
-        watch=lambda progress: order.watch(name, progress),
-    )
-    if not trained.finished:
-        return None
-    net.cpu()
+    batches = Drawn(flights=learn.on(order.device), window=window, batch=how.batch, seed=seed)
+    how.train(order, name, net, batches, negative_log_likelihood, some, seed)
     calibrate(net, held, window)
     found = judged(net, flights(_TEST, how.held_out), window)
     metrics = figures_of(found)
     half_life_s = measured_half_life_s(judged(net, held, window))
     _release(net, learn, recipe, half_life_s, metrics, order)
     rows = [[name, key, f"{value:.4g}"] for key, value in metrics.items()]
-    write_text(order.out / "report.md", markdown_table(("network", "figure", "value"), rows) + "\n")
-    return [*(" | ".join(row) for row in rows), f"the table is in {order.out / 'report.md'}"]
+    return order.report(("network", "figure", "value"), rows)
 
 
 def calibrate(net: VelocityNet, held: Records, window: int) -> None:

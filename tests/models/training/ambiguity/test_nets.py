@@ -56,7 +56,7 @@ def test_a_member_answers_as_if_it_were_alone(kind):
 @pytest.mark.parametrize("activation", ["tanh", "relu"])
 def test_recurrent_layers_are_those_of_torch(kind, activation):
     net = network(kind, targets=1, window=4, activation=activation)
-    layer = net.recurrent
+    layer = net.layers.recurrent
     reference = torch.nn.LSTM if kind == "lstm" else torch.nn.RNN
     options = {} if kind == "lstm" else {"nonlinearity": activation}
     theirs = reference(FEATURES, 4, batch_first=True, **options)
@@ -74,19 +74,19 @@ def test_members_trained_together_get_the_gradient_they_would_get_alone():
     x, cycles = samples(), torch.tensor([[1, -2, 0]]).expand(11, 3)
     is_present = torch.ones(11, 3, dtype=torch.bool)
     loss_of("classification", net(x), cycles, is_present).backward()
-    together = net.dense[0].weight.grad[1].clone()
+    together = net.layers.dense[0].weight.grad[1].clone()
     net.zero_grad()
     only = is_present.clone()
     only[:, [0, 2]] = False
     loss_of("classification", net(x), cycles, only).backward()
-    torch.testing.assert_close(net.dense[0].weight.grad[1], together, rtol=1e-6, atol=1e-9)
-    assert not net.dense[0].weight.grad[[0, 2]].any()
+    torch.testing.assert_close(net.layers.dense[0].weight.grad[1], together, rtol=1e-6, atol=1e-9)
+    assert not net.layers.dense[0].weight.grad[[0, 2]].any()
 
 
 def test_shared_networks_have_one_backbone_and_a_head_per_target():
     shared, each = network(shared=True), network()
-    assert shared.dense[0].weight.shape[0] == 1
-    assert each.dense[0].weight.shape[0] == 3
+    assert shared.layers.dense[0].weight.shape[0] == 1
+    assert each.layers.dense[0].weight.shape[0] == 3
     assert shared(samples()).shape == each(samples()).shape == (11, 3, CLASSES)
 
 

@@ -86,7 +86,7 @@ def test_kinds_are_as_likely_as_the_world_has_them():
     ("wrong", "words"),
     [
         ({"car": 0.0, "multirotor": 0.0, "aeroplane": 0.0}, "car: must be above zero"),
-        ({"gyroscope_noise_radps_per_sqrt_hz": (2.0, 1.0)}, "must be a range above zero"),
+        ({"gyroscope_noise_radps_per_sqrt_hz": (2.0, 1.0)}, "must be above zero, and a range"),
     ],
 )
 def test_a_world_of_nothing_is_refused(wrong, words):

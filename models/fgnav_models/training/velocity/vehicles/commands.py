@@ -7,6 +7,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav_models.training.velocity.vehicles.track import STEP_S
+from fgnav_sim.ranges import log_uniform
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,7 @@ class Draws:
 
     def log_uniform(self, low: float, high: float) -> float:
         """Return a number whose logarithm is uniform."""
-        return log_uniform(low, high, self.rng)
+        return log_uniform((low, high), self.rng)
 
     def targets(self, lasting_s: tuple[float, float], draw: Callable[[], float]) -> FloatArray:
         """Return targets, (n,), each for a time that is uniform within a range."""
@@ -74,11 +75,6 @@ def integral(rate: FloatArray) -> FloatArray:
     """Return the integral from the first knot, along the first axis, by trapezia."""
     steps = (rate[1:] + rate[:-1]) * (STEP_S / 2)
     return np.concatenate([np.zeros_like(rate[:1]), np.cumsum(steps, axis=0)])
-
-
-def log_uniform(low: float, high: float, rng: np.random.Generator) -> float:
-    """Return a number whose logarithm is uniform."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def leaning(sigma_deg: float, rng: np.random.Generator) -> FloatArray:

@@ -9,9 +9,9 @@ import numpy as np
 from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav_models.training.velocity.vehicles.aeroplane import aeroplane
 from fgnav_models.training.velocity.vehicles.car import car
-from fgnav_models.training.velocity.vehicles.commands import log_uniform
 from fgnav_models.training.velocity.vehicles.multirotor import multirotor
 from fgnav_models.training.velocity.vehicles.track import Track
+from fgnav_sim.ranges import Range, check_ranges, log_uniform
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 
 _MAKERS: dict[str, Callable[[float, np.random.Generator], Track]] = {
@@ -33,20 +33,18 @@ class VehiclesWorld(Table, frozen=True, tag="vehicles", tag_field="kind"):
     rate_hz: Positive = 100.0  # of the inertial unit
     # accelerometer_noise_mps2_per_sqrt_hz, gyroscope_noise_radps_per_sqrt_hz: their logarithms are
     # uniform; of consumer and tactical units
-    accelerometer_noise_mps2_per_sqrt_hz: tuple[float, float] = (5e-4, 1e-2)
+    accelerometer_noise_mps2_per_sqrt_hz: Range = (5e-4, 1e-2)
     # accelerometer_bias_mps2, gyroscope_bias_radps: 1-sigma
     accelerometer_bias_mps2: Positive = 0.1
-    gyroscope_noise_radps_per_sqrt_hz: tuple[float, float] = (5e-5, 2e-3)
+    gyroscope_noise_radps_per_sqrt_hz: Range = (5e-5, 2e-3)
     gyroscope_bias_radps: Positive = 5e-3
 
     def __post_init__(self) -> None:
         """Require one kind, and ranges."""
         if not self.car + self.multirotor + self.aeroplane:
             raise ValueError("car: must be above zero where all others are zero")
-        for name in ("accelerometer_noise_mps2_per_sqrt_hz", "gyroscope_noise_radps_per_sqrt_hz"):
-            low, high = getattr(self, name)
-            if not 0 < low <= high:
-                raise ValueError(f"{name}: must be a range above zero, got {[low, high]}")
+        noises = ("accelerometer_noise_mps2_per_sqrt_hz", "gyroscope_noise_radps_per_sqrt_hz")
+        check_ranges(self, *noises)
 
 
 def vehicle_scenario(
@@ -60,12 +58,10 @@ def vehicle_scenario(
     imu = ImuTable(
         rate_hz=world.rate_hz,
         accelerometer_noise_mps2_per_sqrt_hz=log_uniform(
-            *world.accelerometer_noise_mps2_per_sqrt_hz, rng
+            world.accelerometer_noise_mps2_per_sqrt_hz, rng
         ),
         accelerometer_bias_mps2=world.accelerometer_bias_mps2,
-        gyroscope_noise_radps_per_sqrt_hz=log_uniform(
-            *world.gyroscope_noise_radps_per_sqrt_hz, rng
-        ),
+        gyroscope_noise_radps_per_sqrt_hz=log_uniform(world.gyroscope_noise_radps_per_sqrt_hz, rng),
         gyroscope_bias_radps=world.gyroscope_bias_radps,
         gyroscope_bias_walk_radps_per_sqrt_s=1e-5,
     )
