@@ -18,10 +18,10 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -53,7 +53,7 @@ class ArrayPhase(SensorRows):
         B; z is the end of the keyframe's ``aux``.
     """
 
-    name: ClassVar[str] = "array phases"  # in reports
+    name: ClassVar[str] = "array phases"
     root: FloatArray
     minimum: FloatArray
     element_column: IntArray
@@ -63,16 +63,13 @@ class ArrayPhase(SensorRows):
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
-        q = self.basis.shape[-1]
+        k, q = len(self.row), self.basis.shape[-1]
         if not q:
             object.__setattr__(self, "share", np.zeros(k))
         object.__setattr__(self, "root", np.ascontiguousarray(self.root))  # compiled once
-        freeze(
-            self,
-            {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)},
-            {"row": (k,), "element_column": (k,)},
-        )
+        shapes = {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)}
+        freeze(self.name, self, shapes)
+        freeze(self.name, self, {"row": (k,), "element_column": (k,)}, dtype=int)
 
     @property
     def freedom(self) -> IntArray:

@@ -17,10 +17,10 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -44,7 +44,7 @@ class ArrayShape(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "array phases"  # in reports
+    name: ClassVar[str] = "array phases"
     root: FloatArray
     minimum_n_m: FloatArray
     baselines_b_m: FloatArray
@@ -54,15 +54,9 @@ class ArrayShape(SensorRows):
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         k, a = len(self.row), len(self.baselines_b_m)
-        freeze(
-            self,
-            {
-                "root": (k, 3 * a, 3 * a),
-                "minimum_n_m": (k, a, 3),
-                "baselines_b_m": (a, 3),
-            },
-            {"row": (k,), "column": (a,)},
-        )
+        shapes = {"root": (k, 3 * a, 3 * a), "minimum_n_m": (k, a, 3), "baselines_b_m": (a, 3)}
+        freeze(self.name, self, shapes)
+        freeze(self.name, self, {"row": (k,), "column": (a,)}, dtype=int)
 
     @property
     def freedom(self) -> IntArray:

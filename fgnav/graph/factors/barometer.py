@@ -17,11 +17,11 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, positive
+from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -48,7 +48,9 @@ class BarometricHeight(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "barometric height"  # in reports
+    name: ClassVar[str] = "barometric height"
+    shapes: ClassVar[Shapes] = {"down_n_m": ("k",), "arm_b_m": (3,), "share": ("k",)}
+    rows: ClassVar[int] = 1
     down_n_m: FloatArray
     sigma_m: float
     arm_b_m: FloatArray
@@ -59,18 +61,9 @@ class BarometricHeight(SensorRows):
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"down_n_m": (k,), "arm_b_m": (3,), "share": (k,)},
-            {"row": (k,), "node": (k,)},
-        )
+        SensorRows.__post_init__(self)
+        freeze(self.name, self, {"node": self.row.shape}, dtype=int)
         positive("barometric height sigma_m", self.sigma_m)
-
-    @property
-    def freedom(self) -> IntArray:
-        """One of each, (k,)."""
-        return np.ones(len(self.row), dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of heights ``which``, (j,); see ``Sensor``."""

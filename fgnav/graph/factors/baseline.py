@@ -19,9 +19,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -46,21 +46,13 @@ class BaselineVector(SensorRows):
         Of the flight, none of which it depends on.
     """
 
-    name: ClassVar[str] = "baseline"  # in reports
+    name: ClassVar[str] = "baseline"
+    shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "baseline_b_m": (3,)}
     value_n_m: FloatArray
     white: FloatArray
     baseline_b_m: FloatArray
     dimensions: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"value_n_m": (k, 3), "white": (k, 3, 3), "baseline_b_m": (3,)},
-            {"row": (k,)},
-        )
 
     @property
     def freedom(self) -> IntArray:

@@ -21,9 +21,9 @@ from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -44,21 +44,13 @@ class Gravity(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "gravity"  # in reports
+    name: ClassVar[str] = "gravity"
+    shapes: ClassVar[Shapes] = {"known_n": ("k", 3), "across_b": ("k", 2, 3)}
+    rows: ClassVar[int] = 2
     known_n: FloatArray
     across_b: FloatArray
     tilt_column: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"known_n": (k, 3), "across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""

@@ -15,9 +15,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -38,21 +38,13 @@ class LineOfSight(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "line of sight"  # in reports
+    name: ClassVar[str] = "line of sight"
+    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3)}
+    rows: ClassVar[int] = 2
     across_b: FloatArray
     landmark_column: int
     boresight_column: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""

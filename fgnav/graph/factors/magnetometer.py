@@ -22,9 +22,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -51,7 +51,9 @@ class MagneticField(SensorRows):
         Since o_b is what its constants are; zeros unless it drifts.
     """
 
-    name: ClassVar[str] = "magnetic field"  # in reports
+    name: ClassVar[str] = "magnetic field"
+    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3), "field_n_ut": (3,), "since_s": ("k",)}
+    rows: ClassVar[int] = 2
     across_b: FloatArray
     field_n_ut: FloatArray
     iron_column: int
@@ -61,15 +63,9 @@ class MagneticField(SensorRows):
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
         if self.drift_column < 0:
-            object.__setattr__(self, "since_s", np.zeros(k))
-        freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,), "since_s": (k,)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
+            object.__setattr__(self, "since_s", np.zeros(len(self.row)))
+        SensorRows.__post_init__(self)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""

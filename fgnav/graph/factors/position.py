@@ -19,9 +19,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -43,21 +43,13 @@ class Position(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "position"  # in reports
+    name: ClassVar[str] = "position"
+    shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "arm_b_m": (3,)}
     value_n_m: FloatArray
     white: FloatArray
     arm_b_m: FloatArray
     lever_column: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"value_n_m": (k, 3), "white": (k, 3, 3), "arm_b_m": (3,)},
-            {"row": (k,)},
-        )
 
     @property
     def freedom(self) -> IntArray:

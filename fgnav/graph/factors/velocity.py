@@ -16,13 +16,13 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, frozen
+from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
 
@@ -50,7 +50,14 @@ class Velocity(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = "velocity"  # in reports
+    name: ClassVar[str] = "velocity"
+    shapes: ClassVar[Shapes] = {
+        "value_n_mps": ("k", 3),
+        "white": ("k", 3, 3),
+        "arm_b_m": (3,),
+        "measured_b_radps": ("k", 3),
+        "earth_rate_n_radps": (3,),
+    }
     value_n_mps: FloatArray
     white: FloatArray
     arm_b_m: FloatArray
@@ -58,23 +65,6 @@ class Velocity(SensorRows):
     earth_rate_n_radps: FloatArray
     lever_column: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {
-                "value_n_mps": (k, 3),
-                "white": (k, 3, 3),
-                "arm_b_m": (3,),
-                "earth_rate_n_radps": (3,),
-            },
-            {"row": (k,)},
-        )
-        if self.measured_b_radps is not None:
-            rate = frozen("velocity measured_b_radps", self.measured_b_radps, (k, 3))
-            object.__setattr__(self, "measured_b_radps", rate)
 
     @property
     def freedom(self) -> IntArray:

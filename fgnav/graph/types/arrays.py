@@ -1,33 +1,9 @@
-"""Arrays of measurements checked once, and states as the kernels read them."""
+"""States as the kernels read them."""
 
 import numpy as np
 
-from fgnav.checks import IntArray, frozen
+from fgnav.checks import IntArray
 from fgnav.graph.types.states import States
-
-Shape = tuple[int | None, ...]
-
-
-def freeze(measurement: object, shapes: dict[str, Shape], counts: dict[str, Shape]) -> None:
-    """Replace fields of a frozen measurement by checked, contiguous, read-only copies.
-
-    Parameters
-    ----------
-    measurement : object
-        Its ``name`` stands in the error text.
-    shapes, counts : dict of str to shape
-        Of its float and of its integer fields.
-
-    Raises
-    ------
-    BadInputError
-        If a shape differs or a value is not finite.
-    """
-    name = getattr(measurement, "name", type(measurement).__name__)
-    for fields, dtype in ((shapes, float), (counts, int)):
-        for field, shape in fields.items():
-            value = frozen(f"{name} {field}", getattr(measurement, field), shape, dtype=dtype)
-            object.__setattr__(measurement, field, value)
 
 
 def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:

@@ -1,14 +1,19 @@
 """What every sensor's factor states, and who reads it."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlias
 
-from fgnav.checks import FloatArray, IntArray
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
     import gtsam
+
+
+Shapes: TypeAlias = dict[str, tuple[int | str, ...]]
 
 
 class Linearised(NamedTuple):
@@ -64,9 +69,35 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SensorRows:
-    """What measurements of a sensor of their own have: ``row``, their keyframes, (k,)."""
+    """Measurements of a sensor of their own, whose arrays are checked and frozen.
 
+    Attributes
+    ----------
+    shapes : dict of str to shape
+        Of the float arrays, "k" for the number of measurements.
+    rows : int
+        Of each residual.
+    row : ndarray of int, shape (k,)
+        Keyframes.
+    """
+
+    name: ClassVar[str]  # in reports
+    shapes: ClassVar[Shapes] = {}
+    rows: ClassVar[int]
     row: IntArray
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays; one that is None stays so."""
+        k = len(self.row)
+        for field, shape in self.shapes.items():
+            if getattr(self, field) is not None:
+                freeze(self.name, self, {field: tuple(k if n == "k" else int(n) for n in shape)})
+        freeze(self.name, self, {"row": (k,)}, dtype=int)
+
+    @property
+    def freedom(self) -> IntArray:
+        """All rows of each residual, (k,)."""
+        return np.full(len(self.row), self.rows)
 
     def on(self, row: IntArray) -> Self:
         """Return the same measurements at other rows, (k,)."""

@@ -231,7 +231,7 @@ def test_keyframes_between_leave_a_lasting_error_as_it_is():
     F, _ = error.transition()
     parts, _ = finer.transition()
     np.testing.assert_allclose(parts[1::2] @ parts[::2], F, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(finer.on(np.arange(2, 7)).transition()[0], parts[2:6])
+    np.testing.assert_array_equal(finer.at_times(finer.t_s[2:7]).transition()[0], parts[2:6])
 
 
 @pytest.mark.parametrize("lasts", [False, True])

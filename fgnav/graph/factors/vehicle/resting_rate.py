@@ -18,9 +18,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import RATE, ROTATION, States
 
 NAME = "resting rate"
@@ -38,22 +37,17 @@ class RestingRate(SensorRows):
     constants : Constants
     """
 
-    name: ClassVar[str] = NAME  # in reports
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {
+        "measured_b_radps": ("k", 3),
+        "sigma_radps": ("k", 3),
+        "earth_rate_n_radps": (3,),
+    }
+    rows: ClassVar[int] = 3
     measured_b_radps: FloatArray
     sigma_radps: FloatArray
     earth_rate_n_radps: FloatArray
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"measured_b_radps": (k, 3), "sigma_radps": (k, 3)}, {"row": (k,)})
-        freeze(self, {"earth_rate_n_radps": (3,)}, {})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Three of each, (k,)."""
-        return np.full(len(self.row), 3, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of rates ``which``, (j,); see ``Sensor``."""

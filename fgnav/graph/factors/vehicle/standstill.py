@@ -16,8 +16,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.types.arrays import freeze
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import VELOCITY, States
 
 NAME = "standstill"
@@ -34,18 +33,10 @@ class Standstill(SensorRows):
         Of each axis.
     """
 
-    name: ClassVar[str] = NAME  # in reports
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {"sigma_mps": ("k",)}
+    rows: ClassVar[int] = 3
     sigma_mps: FloatArray
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"sigma_mps": (k,)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Three of each, (k,)."""
-        return np.full(len(self.row), 3, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""
