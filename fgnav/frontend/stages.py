@@ -153,7 +153,9 @@ def chosen_keyframes(
     times_s = keyframe_times(
         epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
     )
-    times_s = _from_first_epoch(_with_times(times_s, also_s), epochs.t_s, float(imu.t_s[0]))
+    new_s = also_s[~nearest(times_s, also_s)[1]]
+    times_s = np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
+    times_s = _from_first_epoch(times_s, epochs.t_s, float(imu.t_s[0]))
     start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
@@ -178,13 +180,6 @@ def chosen_keyframes(
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
     return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
-
-
-def _with_times(times_s: FloatArray, also_s: FloatArray) -> FloatArray:
-    """Return times, (n,), and others that are none of them, each once."""
-    _, same = nearest(times_s, also_s)
-    new_s = also_s[~same]
-    return np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
 
 
 def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:

@@ -131,7 +131,8 @@ class NeuralFactor:
         if timeline.new == 0:
             self._so_far, self._last_s = {}, -np.inf
         self._so_far = joined(self._so_far, of_measurements(flight))
-        kept_s = float(timeline.t_s[-1]) - self._span_s
+        longest_s = max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
+        kept_s = float(timeline.t_s[-1]) - 2 * longest_s
         self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}
         return self._answered({**self._so_far, **self._given}, timeline, ())
 
@@ -158,11 +159,6 @@ class NeuralFactor:
             covariance=answers.covariance.reshape(-1, 3, 3),
             losses=tuple(losses),
         )
-
-    @property
-    def _span_s(self) -> float:
-        """How long samples are kept, twice the longest window."""
-        return 2 * max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
 
     def _check(self, sensor: str, record: Record) -> None:
         """Raise where a record given beside the flight is not what the network sees."""

@@ -52,10 +52,6 @@ class Calibrated(NamedTuple):
     is_significant: bool
     prior_sigma: float
 
-    def gaining(self, before: "Calibrated") -> "Calibrated":
-        """Return the same with the gain that it had before timestamps were moved."""
-        return self._replace(alone=before.alone)
-
 
 def with_latency_and_lever_arm(
     problem: Problem, timed: TimedMotion, kinds: tuple[str, ...]

@@ -39,10 +39,6 @@ class ClockCorrection(NamedTuple):
         """Return True if timestamps change."""
         return any(self)
 
-    def plus(self, offset_s: float, rate_ppm: float) -> "ClockCorrection":
-        """Return a correction by so much more."""
-        return ClockCorrection(self.offset_s + offset_s, self.rate_ppm + rate_ppm)
-
     def at(self, later_s: float) -> "ClockCorrection":
         """Return the same with the offset of a time so much later."""
         return ClockCorrection(self.offset_s + PPM * self.rate_ppm * later_s, self.rate_ppm)

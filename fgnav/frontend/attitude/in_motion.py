@@ -146,7 +146,9 @@ def in_motion(
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _best(windows)
+    best = _joined(windows)  # in order of their ends, the surest of those that end together
+    best = best.at(np.lexsort((best.sigma_rad, best.until_s)))
+    best = best.at(np.flatnonzero(np.diff(best.until_s, prepend=-np.inf) > 0))
     if earlier is not None:
         before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
         best = _joined([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
@@ -156,13 +158,6 @@ def in_motion(
         bias_b_radps=np.zeros(3),
         bias_sigma_radps=imu.gyroscope_bias_radps or np.inf,
     )
-
-
-def _best(windows: "list[_Windows]") -> "_Windows":
-    """Return windows in order of their ends, the surest of those that end together."""
-    every = _joined(windows)
-    every = every.at(np.lexsort((every.sigma_rad, every.until_s)))
-    return every.at(np.flatnonzero(np.diff(every.until_s, prepend=-np.inf) > 0))
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:

@@ -43,7 +43,9 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
 
     That it was before the first epoch is minus infinity.
     """
-    if states_heading(flight.initial):
+    initial = flight.initial
+    sigma_rad = None if initial is None else initial.heading_sigma_rad
+    if sigma_rad is not None and sigma_rad < KNOWN_RAD:  # so well that the search starts there
         return -np.inf
     sensor = flight.magnetometer
     begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
@@ -99,12 +101,6 @@ def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatA
         old if new is None else new for old, new in zip(angles, initial.angles_rad, strict=True)
     ]
     return np.asarray(from_euler(*np.array(stated)[:, None])[0])
-
-
-def states_heading(initial: InitialAttitude | None) -> bool:
-    """Return whether a flight states its heading so well that the search may start there."""
-    sigma_rad = None if initial is None else initial.heading_sigma_rad
-    return sigma_rad is not None and sigma_rad < KNOWN_RAD
 
 
 def attitude_prior(

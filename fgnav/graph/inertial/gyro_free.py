@@ -40,13 +40,13 @@ from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
 from fgnav.graph.inertial.increments import increments, parents
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.path_kernel import Intervals
+from fgnav.graph.types.arrays import check_shapes
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.motion import EVERY, LinearisedMotion, NoiseParts
+from fgnav.graph.types.motion import EVERY, INTEGRATION_M2, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.process import matern
 from fgnav.types.flight import Imu
 
-INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 _VECTOR = 12  # accelerometer bias, rate, its two derivatives
 
 
@@ -108,10 +108,7 @@ class GyroFree:
             "variance_rad2ps2": (n - 1, 3),
             "accelerometer_noise": (n - 1,),
         }
-        for name, shape in shapes.items():
-            got = getattr(self, name).shape
-            if got != shape:
-                raise BadInputError(f"gyro-free {name}: expected shape {shape}, got {got}")
+        check_shapes("gyro-free", self, shapes)
         if not 0 <= self.rate_column <= self.constants.width - 3:
             raise BadInputError("gyro-free rate_column: the mean rate is not among the constants")
         object.__setattr__(self, "_intervals", self._prepared())
@@ -121,7 +118,8 @@ class GyroFree:
         cut = increments(self.imu, self.t_s, self.sub_steps)
         span_s = np.diff(self.t_s)
         F, H, W = matern.intervals(span_s, self.poles_per_s)
-        lasting, white = self._lasting_transition()
+        none = np.zeros((len(span_s), 0, 0))
+        lasting, white = (none, none) if self.multipath is None else self.multipath.transition()
         walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
         return Intervals(
             span_s=span_s,
@@ -139,11 +137,6 @@ class GyroFree:
             lasting=_contiguous(lasting),
             lasting_white=_contiguous(white),
         )
-
-    def _lasting_transition(self) -> tuple[FloatArray, FloatArray]:
-        if self.multipath is None:
-            return np.zeros((len(self.t_s) - 1, 0, 0)), np.zeros((len(self.t_s) - 1, 0, 0))
-        return self.multipath.transition()
 
     @property
     def _lasting(self) -> int:

@@ -1,9 +1,17 @@
-"""States as the kernels read them."""
+"""Shapes of arrays, and states as the kernels read them."""
 
 import numpy as np
 
-from fgnav.checks import IntArray
+from fgnav.checks import BadInputError, IntArray
 from fgnav.graph.types.states import States
+
+
+def check_shapes(owner: str, item: object, shapes: dict[str, tuple[int, ...]]) -> None:
+    """Raise BadInputError if a field has another shape; one that is None has none."""
+    for name, shape in shapes.items():
+        value = getattr(item, name)
+        if value is not None and value.shape != shape:
+            raise BadInputError(f"{owner} {name}: expected shape {shape}, got {value.shape}")
 
 
 def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
