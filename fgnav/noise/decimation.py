@@ -27,20 +27,11 @@ _VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Subset:
-    """Some of a sensor's measurements, numbered by the keyframes of a decimated problem.
-
-    Attributes
-    ----------
-    measurement : Sensor
-    indices : ndarray of int, shape (k,)
-        Of its rows.
-    row : ndarray of int, shape (k,)
-        Keyframes.
-    """
+    """Some of a sensor's measurements, numbered by the keyframes of a decimated problem."""
 
     measurement: Sensor
-    indices: IntArray
-    row: IntArray
+    indices: IntArray  # (k,): of its rows
+    row: IntArray  # (k,): keyframes
 
     @classmethod
     def at(cls, measurement: Sensor, keyframes: IntArray) -> "Subset":

@@ -46,33 +46,19 @@ _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Hyperparameters:
-    """What a flight has determined of its own noise and times.
+    """What a flight has determined of its own noise and times."""
 
-    Attributes
-    ----------
-    factors : mapping of str to float
-        On nominal standard deviations, by component; those that are as stated are left out.
-    sigmas : mapping of str to float
-        1-sigma of their logarithms.
-    theta : mapping of str to float
-        Logarithms of the factors of all components, at which another search may begin.
-    satellites : mapping of str to float
-        Factors on errors of satellites and on noise of codes.
-    clock : ClockCorrection
-        What is added to the inertial unit's timestamps.
-    middle_s : float
-        When the clock has that offset.
-    calibrated : tuple of Calibrated
-        Clock, latency and lever arm.
-    """
-
+    # On nominal standard deviations, by component; those that are as stated are left out.
     factors: Mapping[str, float] = field(default_factory=dict)
-    sigmas: Mapping[str, float] = field(default_factory=dict)
+    sigmas: Mapping[str, float] = field(default_factory=dict)  # 1-sigma of their logarithms
+    # Logarithms of the factors of all components, at which another search may begin.
     theta: Mapping[str, float] = field(default_factory=dict)
+    # Factors on errors of satellites and on noise of codes.
     satellites: Mapping[str, float] = field(default_factory=dict)
+    # What is added to the inertial unit's timestamps.
     clock: ClockCorrection = field(default_factory=ClockCorrection)
-    middle_s: float = 0.0
-    calibrated: tuple[Calibrated, ...] = ()
+    middle_s: float = 0.0  # when the clock has that offset
+    calibrated: tuple[Calibrated, ...] = ()  # clock, latency and lever arm
 
     @property
     def is_nominal(self) -> bool:

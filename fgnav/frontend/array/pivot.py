@@ -21,18 +21,10 @@ _AGAINST = "not tracked by the reference antenna"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class View:
-    """A flight by one reference antenna.
+    """A flight by one reference antenna."""
 
-    Attributes
-    ----------
-    flight : Flight
-        Its first antenna is the reference.
-    rows : ndarray of int, shape (k,)
-        Its epochs among those of the whole flight.
-    """
-
-    flight: Flight
-    rows: IntArray
+    flight: Flight  # its first antenna is the reference
+    rows: IntArray  # (k,): its epochs among those of the whole flight
 
 
 def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:

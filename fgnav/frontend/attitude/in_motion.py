@@ -45,34 +45,17 @@ ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InMotion:
-    """Headings of windows, each from what lies in it.
+    """Headings of windows, each from what lies in it."""
 
-    Attributes
-    ----------
-    until_s : ndarray, shape (k,)
-        Ends of the windows, increasing: nothing later takes part.
-    begun_s, middle_s : ndarray, shape (k,)
-        When information about heading begins, and when half of it has come.
-    R_nu : ndarray, shape (k, 3, 3)
-        Of the axes that do not turn.
-    sigma_rad : ndarray, shape (k,)
-        Of the heading.
-    own : ImuRotation
-        How the body turns in ``u``.
-    bias_b_radps : ndarray, shape (3,)
-        Of the gyroscope, taken out of ``own``.
-    bias_sigma_radps : float
-        Of what is left of it.
-    """
-
-    until_s: FloatArray
-    begun_s: FloatArray
-    middle_s: FloatArray
-    R_nu: FloatArray
-    sigma_rad: FloatArray
-    own: ImuRotation
-    bias_b_radps: FloatArray
-    bias_sigma_radps: float
+    until_s: FloatArray  # (k,): ends of the windows, increasing: nothing later takes part
+    # When information about heading begins, and when half of it has come.
+    begun_s: FloatArray  # (k,)
+    middle_s: FloatArray  # (k,)
+    R_nu: FloatArray  # (k, 3, 3): of the axes that do not turn
+    sigma_rad: FloatArray  # (k,): of the heading
+    own: ImuRotation  # how the body turns in ``u``
+    bias_b_radps: FloatArray  # (3,): of the gyroscope, taken out of ``own``
+    bias_sigma_radps: float  # of what is left of it
 
     def at(self, which: IntArray) -> "InMotion":
         """Return some of the windows."""

@@ -26,26 +26,16 @@ _BLOCK = 64  # epochs looked at together
 
 
 class Deciding(NamedTuple):
-    """What k epochs with redundant code tell, of m satellites.
+    """What k epochs with redundant code tell, of m satellites."""
 
-    Attributes
-    ----------
-    epoch : ndarray of int, shape (k,)
-        Which these are.
-    squares : ndarray, shape (k, 2)
-        Squared residuals per degree of freedom, over the variance of the code's noise, with models
-        and without.
-    stated : ndarray, shape (k, 3)
-        Degrees of freedom; squared residuals with models over the variance that messages, models
-        and noise have then; the mean logarithm of that variance over the noise's.
-    residuals : ndarray, shape (k, m)
-        Without models, over the noise; NaN where there is none.
-    """
-
-    epoch: IntArray
-    squares: FloatArray
-    stated: FloatArray
-    residuals: FloatArray
+    epoch: IntArray  # (k,): which these are
+    # Squared residuals per degree of freedom, over the variance of the code's noise, with models
+    # and without.
+    squares: FloatArray  # (k, 2)
+    # Degrees of freedom; squared residuals with models over the variance that messages, models and
+    # noise have then; the mean logarithm of that variance over the noise's.
+    stated: FloatArray  # (k, 3)
+    residuals: FloatArray  # (k, m): without models, over the noise; NaN where there is none
 
     @classmethod
     def of(

@@ -36,30 +36,21 @@ class ArrayPhase(SensorRows):
     """Quadratic forms of the rotation: nine rows.
 
     ``r = (root (vec(R_nb) + c - vec(minimum)) + sqrt(s) B z) / sqrt(1 - s)``.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    root, minimum : ndarray, shape (k, 9, 9) and (k, 3, 3)
-        ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices
-        by row.
-    element_column : ndarray of int, shape (k,)
-        First of the nine constants c of the stretch that an epoch without integers is in; -1 of
-        epochs with integers.
-    constants : Constants
-    share : ndarray, shape (k,)
-        s, 0 where errors are white.
-    basis : ndarray, shape (9, q)
-        B; z is the end of the keyframe's ``aux``.
     """
 
     name: ClassVar[str] = "array phases"
-    root: FloatArray
-    minimum: FloatArray
-    element_column: IntArray
+    # ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices by
+    # row.
+    root: FloatArray  # (k, 9, 9)
+    minimum: FloatArray  # (k, 3, 3)
+    # First of the nine constants c of the stretch that an epoch without integers is in; -1 of
+    # epochs with integers.
+    element_column: IntArray  # (k,)
     constants: Constants
-    share: FloatArray = field(default_factory=lambda: np.zeros(0))
-    basis: FloatArray = field(default_factory=lambda: np.zeros((9, 0)))
+    # s, 0 where errors are white.
+    share: FloatArray = field(default_factory=lambda: np.zeros(0))  # (k,)
+    # B; z is the end of the keyframe's ``aux``.
+    basis: FloatArray = field(default_factory=lambda: np.zeros((9, 0)))  # (9, q)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

@@ -29,26 +29,14 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ArrayShape(SensorRows):
-    """Quadratic forms of a baselines in ``n``, three rows for each baseline.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    root : ndarray, shape (k, 3 a, 3 a)
-        Of the information about all baselines, one after another.
-    minimum_n_m : ndarray, shape (k, a, 3)
-    baselines_b_m : ndarray, shape (a, 3)
-        d, as the flight states them.
-    column : ndarray of int, shape (a,)
-        First of the three constants c_i of each antenna; -1 of those that stand where stated.
-    constants : Constants
-    """
+    """Quadratic forms of a baselines in ``n``, three rows for each baseline."""
 
     name: ClassVar[str] = "array phases"
-    root: FloatArray
-    minimum_n_m: FloatArray
-    baselines_b_m: FloatArray
-    column: IntArray
+    root: FloatArray  # (k, 3 a, 3 a): of the information about all baselines, one after another
+    minimum_n_m: FloatArray  # (k, a, 3)
+    baselines_b_m: FloatArray  # (a, 3): d, as the flight states them
+    # First of the three constants c_i of each antenna; -1 of those that stand where stated.
+    column: IntArray  # (a,)
     constants: Constants
 
     def __post_init__(self) -> None:

@@ -28,35 +28,18 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BarometricHeight(SensorRows):
-    """Barometric heights, one row each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    down_n_m : ndarray, shape (k,)
-        h, where the port is along the third axis of ``n``.
-    sigma_m : float
-        Of what is new at each keyframe.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the port.
-    column : int
-        First of the constants o, metres along the third axis of ``n``; -1 where there are none.
-    node : ndarray of int, shape (k,)
-        i, the node at or before each keyframe.
-    share : ndarray, shape (k,)
-        s, of the node after that: 0 to 1.
-    constants : Constants
-    """
+    """Barometric heights, one row each."""
 
     name: ClassVar[str] = "barometric height"
     shapes: ClassVar[Shapes] = {"down_n_m": ("k",), "arm_b_m": (3,), "share": ("k",)}
     rows: ClassVar[int] = 1
-    down_n_m: FloatArray
-    sigma_m: float
-    arm_b_m: FloatArray
+    down_n_m: FloatArray  # (k,): h, where the port is along the third axis of ``n``
+    sigma_m: float  # of what is new at each keyframe
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the port
+    # First of the constants o, metres along the third axis of ``n``; -1 where there are none.
     column: int
-    node: IntArray
-    share: FloatArray
+    node: IntArray  # (k,): i, the node at or before each keyframe
+    share: FloatArray  # (k,): s, of the node after that: 0 to 1
     constants: Constants
 
     def __post_init__(self) -> None:

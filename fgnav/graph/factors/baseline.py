@@ -30,29 +30,16 @@ _LEVEL = 1e-6  # square of the level part of a baseline over its own, below whic
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineVector(SensorRows):
-    """Vectors from one antenna to another in ``n``, three rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_m : ndarray, shape (k, 3)
-        z_n; of headings e_1.
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; of headings e_2 over sigma, and rows of zeros.
-    baseline_b_m : ndarray, shape (3,)
-    dimensions : int
-        3 of a vector, 2 of a direction, 1 of a heading.
-    constants : Constants
-        Of the flight, none of which it depends on.
-    """
+    """Vectors from one antenna to another in ``n``, three rows each."""
 
     name: ClassVar[str] = "baseline"
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "baseline_b_m": (3,)}
-    value_n_m: FloatArray
-    white: FloatArray
-    baseline_b_m: FloatArray
-    dimensions: int
-    constants: Constants
+    value_n_m: FloatArray  # (k, 3): z_n; of headings e_1
+    # W: inverse Cholesky factors of covariances; of headings e_2 over sigma, and rows of zeros.
+    white: FloatArray  # (k, 3, 3)
+    baseline_b_m: FloatArray  # (3,)
+    dimensions: int  # 3 of a vector, 2 of a direction, 1 of a heading
+    constants: Constants  # of the flight, none of which it depends on
 
     @property
     def freedom(self) -> IntArray:

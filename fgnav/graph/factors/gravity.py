@@ -30,26 +30,15 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Gravity(SensorRows):
-    """Directions of gravity, two rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    known_n : ndarray, shape (k, 3)
-        Unit vectors of gravity at the keyframes.
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    tilt_column : int
-        First of the two constants t; -1 where the instrument stands as stated.
-    constants : Constants
-    """
+    """Directions of gravity, two rows each."""
 
     name: ClassVar[str] = "gravity"
     shapes: ClassVar[Shapes] = {"known_n": ("k", 3), "across_b": ("k", 2, 3)}
     rows: ClassVar[int] = 2
-    known_n: FloatArray
-    across_b: FloatArray
-    tilt_column: int
+    known_n: FloatArray  # (k, 3): unit vectors of gravity at the keyframes
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    tilt_column: int  # first of the two constants t; -1 where the instrument stands as stated
     constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:

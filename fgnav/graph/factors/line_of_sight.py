@@ -24,26 +24,15 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class LineOfSight(SensorRows):
-    """Directions from the accelerometer to a landmark, two rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    landmark_column : int
-        First of the three constants l_n, a place in ``n``.
-    boresight_column : int
-        First of the two constants t; -1 where the detector stands as stated.
-    constants : Constants
-    """
+    """Directions from the accelerometer to a landmark, two rows each."""
 
     name: ClassVar[str] = "line of sight"
     shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3)}
     rows: ClassVar[int] = 2
-    across_b: FloatArray
-    landmark_column: int
-    boresight_column: int
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    landmark_column: int  # first of the three constants l_n, a place in ``n``
+    boresight_column: int  # first of the two constants t; -1 where the detector stands as stated
     constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:

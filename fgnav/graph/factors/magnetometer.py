@@ -33,33 +33,20 @@ _LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class MagneticField(SensorRows):
-    """Directions of the magnetic field, two rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    field_n_ut : ndarray, shape (3,)
-        m_n, of the Earth.
-    iron_column : int
-        First of the three constants o_b, uT; -1 where there is none.
-    constants : Constants
-    drift_column : int
-        First of three constants by which o_b changes in a second, uT/s; for chains alone.
-    since_s : ndarray, shape (k,)
-        Since o_b is what its constants are; zeros unless it drifts.
-    """
+    """Directions of the magnetic field, two rows each."""
 
     name: ClassVar[str] = "magnetic field"
     shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3), "field_n_ut": (3,), "since_s": ("k",)}
     rows: ClassVar[int] = 2
-    across_b: FloatArray
-    field_n_ut: FloatArray
-    iron_column: int
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    field_n_ut: FloatArray  # (3,): m_n, of the Earth
+    iron_column: int  # first of the three constants o_b, uT; -1 where there is none
     constants: Constants
+    # First of three constants by which o_b changes in a second, uT/s; for chains alone.
     drift_column: int = -1
-    since_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    # Since o_b is what its constants are; zeros unless it drifts.
+    since_s: FloatArray = field(default_factory=lambda: np.empty(0))  # (k,)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

@@ -28,27 +28,15 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Position(SensorRows):
-    """Positions of an antenna in ``n``, three rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_m : ndarray, shape (k, 3)
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the antenna.
-    lever_column : int
-        First of the three constants l_b; -1 where the lever arm is known.
-    constants : Constants
-    """
+    """Positions of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "position"
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "arm_b_m": (3,)}
-    value_n_m: FloatArray
-    white: FloatArray
-    arm_b_m: FloatArray
-    lever_column: int
+    value_n_m: FloatArray  # (k, 3)
+    # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    white: FloatArray  # (k, 3, 3)
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the antenna
+    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
 
     @property

@@ -32,23 +32,7 @@ _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled fo
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Velocity(SensorRows):
-    """Velocities of an antenna in ``n``, three rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_mps : ndarray, shape (k, 3)
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the antenna; zero of velocities of the accelerometer itself.
-    measured_b_radps : ndarray, shape (k, 3), or None
-        The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
-    earth_rate_n_radps : ndarray, shape (3,)
-    lever_column : int
-        First of the three constants l_b; -1 where the lever arm is known.
-    constants : Constants
-    """
+    """Velocities of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "velocity"
     shapes: ClassVar[Shapes] = {
@@ -58,12 +42,15 @@ class Velocity(SensorRows):
         "measured_b_radps": ("k", 3),
         "earth_rate_n_radps": (3,),
     }
-    value_n_mps: FloatArray
-    white: FloatArray
-    arm_b_m: FloatArray
-    measured_b_radps: FloatArray | None
-    earth_rate_n_radps: FloatArray
-    lever_column: int
+    value_n_mps: FloatArray  # (k, 3)
+    # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    white: FloatArray  # (k, 3, 3)
+    # From the accelerometer to the antenna; zero of velocities of the accelerometer itself.
+    arm_b_m: FloatArray  # (3,)
+    # The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
+    measured_b_radps: FloatArray | None  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
+    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
 
     @property

@@ -55,41 +55,21 @@ class GyroFree:
     """The motion between n keyframes of a flight without a gyroscope.
 
     A caller splits intervals such that the rate times their length stays below 0.7 rad.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    imu : Imu
-        Without a gyroscope, or with one that is not used.
-    sub_steps : int
-        Of one sample of the accelerometer.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-        Where each keyframe is.
-    earth_rate_n_radps : ndarray, shape (3,)
-    poles_per_s : ndarray, shape (n - 1, 3, 3)
-        Of the rate's process in each interval, about each body axis.
-    variance_rad2ps2 : ndarray, shape (n - 1, 3)
-        Its variance about each body axis.
-    accelerometer_noise : ndarray, shape (n - 1,)
-        Power spectral density of the specific force, (m/s2)^2/Hz.
-    rate_column : int
-        First column of the mean rate among the constants.
-    constants : Constants
-    multipath : Multipath or None
-        Lasting error of the array's phases, at the keyframes.
     """
 
-    t_s: FloatArray
-    imu: Imu
-    sub_steps: int
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
-    poles_per_s: FloatArray
-    variance_rad2ps2: FloatArray
-    accelerometer_noise: FloatArray
-    rate_column: int
+    t_s: FloatArray  # (n,)
+    imu: Imu  # without a gyroscope, or with one that is not used
+    sub_steps: int  # of one sample of the accelerometer
+    gravity_n_mps2: FloatArray  # (n, 3): where each keyframe is
+    earth_rate_n_radps: FloatArray  # (3,)
+    # Of the rate's process in each interval, about each body axis.
+    poles_per_s: FloatArray  # (n - 1, 3, 3)
+    variance_rad2ps2: FloatArray  # (n - 1, 3): its variance about each body axis
+    # Power spectral density of the specific force, (m/s2)^2/Hz.
+    accelerometer_noise: FloatArray  # (n - 1,)
+    rate_column: int  # first column of the mean rate among the constants
     constants: Constants
-    multipath: Multipath | None = None
+    multipath: Multipath | None = None  # lasting error of the array's phases, at the keyframes
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)
 

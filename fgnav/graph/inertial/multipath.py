@@ -22,26 +22,13 @@ from fgnav.graph.inertial.increments import parents
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Multipath:
-    """A lasting error of an array's phases, at n keyframes.
+    """A lasting error of an array's phases, at n keyframes."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    basis : ndarray, shape (9, q)
-        Orthonormal; of the elements of R_nb by row.
-    share : ndarray, shape (n,)
-        Of the phases' variance, from 0 to 1.
-    decay_per_s : ndarray, shape (n - 1,)
-        Inverse time constant.
-    kept : ndarray, shape (n - 1, q, q)
-        ``N_1^-1/2 N_01 N_0^-1/2``, by the basis.
-    """
-
-    t_s: FloatArray
-    basis: FloatArray
-    share: FloatArray
-    decay_per_s: FloatArray
-    kept: FloatArray
+    t_s: FloatArray  # (n,)
+    basis: FloatArray  # (9, q): orthonormal; of the elements of R_nb by row
+    share: FloatArray  # (n,): of the phases' variance, from 0 to 1
+    decay_per_s: FloatArray  # (n - 1,): inverse time constant
+    kept: FloatArray  # (n - 1, q, q): ``N_1^-1/2 N_01 N_0^-1/2``, by the basis
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

@@ -64,33 +64,18 @@ class _Store:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Inertial:
-    """The motion between n keyframes of a flight with a gyroscope.
+    """The motion between n keyframes of a flight with a gyroscope."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    imu : Imu
-    sub_steps : int
-        Of one sample.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-        Where each keyframe is.
-    earth_rate_n_radps : ndarray, shape (3,)
-    accelerometer_noise : ndarray, shape (n - 1,)
-        Power spectral density of the specific force in each interval, (m/s2)^2/Hz.
-    gyroscope_noise : ndarray, shape (n - 1,)
-        That of the rate, (rad/s)^2/Hz.
-    bias_steps : ndarray, shape (n - 1, 6), or None
-        By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
-    """
-
-    t_s: FloatArray
+    t_s: FloatArray  # (n,)
     imu: Imu
-    sub_steps: int
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
-    accelerometer_noise: FloatArray
-    gyroscope_noise: FloatArray
-    bias_steps: FloatArray | None = None
+    sub_steps: int  # of one sample
+    gravity_n_mps2: FloatArray  # (n, 3): where each keyframe is
+    earth_rate_n_radps: FloatArray  # (3,)
+    # Power spectral density of the specific force in each interval, (m/s2)^2/Hz.
+    accelerometer_noise: FloatArray  # (n - 1,)
+    gyroscope_noise: FloatArray  # (n - 1,): that of the rate, (rad/s)^2/Hz
+    # By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
+    bias_steps: FloatArray | None = None  # (n - 1, 6)
     _increments: Increments = field(init=False, repr=False)
     _store: _Store = field(init=False, repr=False)
 

@@ -69,22 +69,12 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SensorRows:
-    """Measurements of a sensor of their own, whose arrays are checked and frozen.
-
-    Attributes
-    ----------
-    shapes : dict of str to shape
-        Of the float arrays, "k" for the number of measurements.
-    rows : int
-        Of each residual.
-    row : ndarray of int, shape (k,)
-        Keyframes.
-    """
+    """Measurements of a sensor of their own, whose arrays are checked and frozen."""
 
     name: ClassVar[str]  # in reports
-    shapes: ClassVar[Shapes] = {}
-    rows: ClassVar[int]
-    row: IntArray
+    shapes: ClassVar[Shapes] = {}  # of the float arrays, "k" for the number of measurements
+    rows: ClassVar[int]  # of each residual
+    row: IntArray  # (k,): keyframes
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays; one that is None stays so."""

@@ -34,17 +34,11 @@ class _Group:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GivenIntegers:
-    """Epochs with given integers, as linear functions of three turns about the axes of ``n``.
-
-    Attributes
-    ----------
-    groups : sequence of _Group
-    open_axis : ndarray, shape (n, 3, 3)
-        Information added to the turn about the only direction of an array in a line.
-    """
+    """Epochs with given integers, as linear functions of three turns about the axes of ``n``."""
 
     groups: Sequence[_Group]
-    open_axis: FloatArray
+    # Information added to the turn about the only direction of an array in a line.
+    open_axis: FloatArray  # (n, 3, 3)
 
     def log_likelihoods(
         self, code_variance_m2: FloatArray, phase_variance_m2: FloatArray

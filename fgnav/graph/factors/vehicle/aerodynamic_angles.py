@@ -30,21 +30,13 @@ MEAN = "mean aerodynamic angles"  # the constant m, sideslip and angle of attack
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AerodynamicAngles(SensorRows):
-    """Sideslip and angle of attack that are zero to a sigma, two rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    sigma_rad : ndarray, shape (k, 2)
-    wind_column, mean_column : int
-        First of the two constants w, and of m.
-    constants : Constants
-    """
+    """Sideslip and angle of attack that are zero to a sigma, two rows each."""
 
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {"sigma_rad": ("k", 2)}
     rows: ClassVar[int] = 2
-    sigma_rad: FloatArray
+    sigma_rad: FloatArray  # (k, 2)
+    # First of the two constants w, and of m.
     wind_column: int
     mean_column: int
     constants: Constants

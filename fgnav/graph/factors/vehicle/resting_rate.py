@@ -27,15 +27,7 @@ NAME = "resting rate"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RestingRate(SensorRows):
-    """Rates that a gyroscope measures at rest, three rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    measured_b_radps, sigma_radps : ndarray, shape (k, 3)
-    earth_rate_n_radps : ndarray, shape (3,)
-    constants : Constants
-    """
+    """Rates that a gyroscope measures at rest, three rows each."""
 
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {
@@ -44,9 +36,9 @@ class RestingRate(SensorRows):
         "earth_rate_n_radps": (3,),
     }
     rows: ClassVar[int] = 3
-    measured_b_radps: FloatArray
-    sigma_radps: FloatArray
-    earth_rate_n_radps: FloatArray
+    measured_b_radps: FloatArray  # (k, 3)
+    sigma_radps: FloatArray  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
     constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:

@@ -24,19 +24,12 @@ NAME = "standstill"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Standstill(SensorRows):
-    """Velocities that are zero, three rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    sigma_mps : ndarray, shape (k,)
-        Of each axis.
-    """
+    """Velocities that are zero, three rows each."""
 
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {"sigma_mps": ("k",)}
     rows: ClassVar[int] = 3
-    sigma_mps: FloatArray
+    sigma_mps: FloatArray  # (k,): of each axis
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""

@@ -33,23 +33,7 @@ _RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RollingWheels(SensorRows):
-    """Velocities across that are zero, two rows each.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    slip_mps : float
-        sigma.
-    arm_b_m : ndarray, shape (3,)
-        a.
-    measured_b_radps : ndarray, shape (k, 3), or None
-        The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
-        without one, where w is a state.
-    earth_rate_n_radps : ndarray, shape (3,)
-    axes_column, axle_column : int
-        First of the two constants c, and of the three of l.
-    constants : Constants
-    """
+    """Velocities across that are zero, two rows each."""
 
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {
@@ -58,10 +42,13 @@ class RollingWheels(SensorRows):
         "earth_rate_n_radps": (3,),
     }
     rows: ClassVar[int] = 2
-    slip_mps: float
-    arm_b_m: FloatArray
-    measured_b_radps: FloatArray | None
-    earth_rate_n_radps: FloatArray
+    slip_mps: float  # sigma
+    arm_b_m: FloatArray  # (3,): a
+    # The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
+    # without one, where w is a state.
+    measured_b_radps: FloatArray | None  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
+    # First of the two constants c, and of the three of l.
     axes_column: int
     axle_column: int
     constants: Constants
