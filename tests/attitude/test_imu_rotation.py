@@ -4,7 +4,7 @@ from numpy.testing import assert_allclose
 
 from fgnav.attitude.imu_rotation import despun, imu_rotation, spun
 from fgnav.geometry import rotations
-from fgnav.types.flight import Imu
+from tests.imu import imu_of
 
 T_S = np.arange(0.0, 4.0, 0.01)
 F_N_MPS2 = np.array([3.0, -2.0, -9.5])
@@ -20,21 +20,8 @@ def turning(w_b_radps, *, gyroscope=False, noise_mps2=0.0, arm_b_m=(0.0, 0.0, 0.
     f_b = np.einsum("nji,j->ni", R_nb, F_N_MPS2)
     f_b += np.cross(w_b_radps, np.cross(w_b_radps, arm_b_m))
     f_b += noise_mps2 * np.random.default_rng(0).standard_normal(f_b.shape)
-    told = {
-        "w_b_radps": np.tile(w_b_radps, (len(T_S), 1)),
-        "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
-        "gyroscope_bias_radps": 1e-3,
-        "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
-    }
-    imu = Imu(
-        t_s=T_S,
-        f_b_mps2=f_b,
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=0.03,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-        **(told if gyroscope else {}),
-    )
-    return imu, R_nb
+    rates = np.tile(w_b_radps, (len(T_S), 1)) if gyroscope else None
+    return imu_of(T_S, f_b, rates), R_nb
 
 
 @pytest.mark.parametrize("rate", [2.0, -12.6, 30.0])

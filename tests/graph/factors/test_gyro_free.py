@@ -15,7 +15,6 @@ from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
-from fgnav.types.flight import Imu
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,
@@ -24,6 +23,7 @@ from tests.graph.factors.motions import (
     sine,
     spin,
 )
+from tests.imu import imu_of
 
 CONSTANTS = Constants(
     (
@@ -145,12 +145,10 @@ def _simulated(rng, *, until_s, lengths_s, variance):
     f_b = np.einsum("nji,j->ni", R_nb[samples], f_n)
     density = 100.0 * DENSITY
     bias = np.cumsum(1e-4 * np.sqrt(0.01) * rng.standard_normal(f_b.shape), axis=0)
-    imu = Imu(
-        t_s=time_s[samples],
-        f_b_mps2=f_b + bias + np.sqrt(density) * rng.standard_normal(f_b.shape),
-        accelerometer_noise_mps2_per_sqrt_hz=np.sqrt(DENSITY),
-        accelerometer_bias_mps2=0.02,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+    imu = imu_of(
+        time_s[samples],
+        f_b + bias + np.sqrt(density) * rng.standard_normal(f_b.shape),
+        accelerometer=(np.sqrt(DENSITY), 0.02, 1e-4),
     )
     m = len(time_s[rows])
     states = States(
