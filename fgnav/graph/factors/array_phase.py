@@ -39,6 +39,7 @@ class ArrayPhase(SensorRows):
     """
 
     name: ClassVar[str] = "array phases"
+    whitening: ClassVar[str] = "root"
     # ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices by
     # row.
     root: FloatArray  # (k, 9, 9)
@@ -61,11 +62,6 @@ class ArrayPhase(SensorRows):
         shapes = {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)}
         freeze(self.name, self, shapes)
         freeze(self.name, self, {"row": (k,), "element_column": (k,)}, dtype=int)
-
-    @property
-    def freedom(self) -> IntArray:
-        """Rows of the root that are not zero, (k,)."""
-        return np.asarray(self.root.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""

@@ -32,6 +32,7 @@ class ArrayShape(SensorRows):
     """Quadratic forms of a baselines in ``n``, three rows for each baseline."""
 
     name: ClassVar[str] = "array phases"
+    whitening: ClassVar[str] = "root"
     root: FloatArray  # (k, 3 a, 3 a): of the information about all baselines, one after another
     minimum_n_m: FloatArray  # (k, a, 3)
     baselines_b_m: FloatArray  # (a, 3): d, as the flight states them
@@ -45,11 +46,6 @@ class ArrayShape(SensorRows):
         shapes = {"root": (k, 3 * a, 3 * a), "minimum_n_m": (k, a, 3), "baselines_b_m": (a, 3)}
         freeze(self.name, self, shapes)
         freeze(self.name, self, {"row": (k,), "column": (a,)}, dtype=int)
-
-    @property
-    def freedom(self) -> IntArray:
-        """Rows of the root that are not zero, (k,)."""
-        return np.asarray(self.root.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""

@@ -31,6 +31,7 @@ class Position(SensorRows):
     """Positions of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "position"
+    whitening: ClassVar[str] = "white"
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "arm_b_m": (3,)}
     value_n_m: FloatArray  # (k, 3)
     # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
@@ -38,11 +39,6 @@ class Position(SensorRows):
     arm_b_m: FloatArray  # (3,): from the accelerometer to the antenna
     lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of positions ``which``, (j,); see ``Sensor``."""

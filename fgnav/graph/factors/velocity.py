@@ -35,6 +35,7 @@ class Velocity(SensorRows):
     """Velocities of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "velocity"
+    whitening: ClassVar[str] = "white"
     shapes: ClassVar[Shapes] = {
         "value_n_mps": ("k", 3),
         "white": ("k", 3, 3),
@@ -52,11 +53,6 @@ class Velocity(SensorRows):
     earth_rate_n_radps: FloatArray  # (3,)
     lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of velocities ``which``, (j,); see ``Sensor``."""

@@ -73,7 +73,8 @@ class SensorRows:
 
     name: ClassVar[str]  # in reports
     shapes: ClassVar[Shapes] = {}  # of the float arrays, "k" for the number of measurements
-    rows: ClassVar[int]  # of each residual
+    rows: ClassVar[int]  # of each residual, where all of them know something
+    whitening: ClassVar[str] = ""  # field, (k, m, ...), whose rows are zero where they do not
     row: IntArray  # (k,): keyframes
 
     def __post_init__(self) -> None:
@@ -86,7 +87,9 @@ class SensorRows:
 
     @property
     def freedom(self) -> IntArray:
-        """All rows of each residual, (k,)."""
+        """Rows of each residual that know something, (k,)."""
+        if self.whitening:
+            return np.asarray(getattr(self, self.whitening).any(axis=2).sum(axis=1))
         return np.full(len(self.row), self.rows)
 
     def on(self, row: IntArray) -> Self:
