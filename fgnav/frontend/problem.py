@@ -141,7 +141,6 @@ def build_problem(
             *start.notes,
             *lasting_notes,
             *rate_notes,
-            *antenna.notes,
             *phases.notes,
             *gaps,
             *stage.float_arcs.notes,

@@ -25,7 +25,6 @@ class AntennaMotion:
     velocities: tuple[tuple[str, VectorSeries], ...]
     phases: tuple[Observed, ...] = ()  # empty of fixes
     losses: tuple[Loss, ...] = ()
-    notes: tuple[str, ...] = ()
 
     @property
     def position(self) -> VectorSeries | None:
@@ -136,7 +135,6 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
         velocities=(*first.velocities, *velocities),
         phases=(*first.phases, *other.phases),
         losses=(*first.losses, *other.losses),
-        notes=tuple(dict.fromkeys((*first.notes, *other.notes))),
     )
 
 

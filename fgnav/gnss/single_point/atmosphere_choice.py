@@ -82,7 +82,7 @@ class Deciding(NamedTuple):
 
 
 def atmosphere_so_far(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
+    flight: Flight, observations: Observations, channels: CodeChannels
 ) -> BoolArray:
     """Return whether atmosphere models are to be applied at each epoch, (n,), by those up to it.
 
@@ -92,7 +92,7 @@ def atmosphere_so_far(
     if observations.earlier is not None:
         return np.full(n, observations.earlier.has_atmosphere)
     applied = np.ones(n, dtype=np.bool_)
-    deciding = _deciding(flight, observations, channels, antenna)
+    deciding = _deciding(flight, observations, channels)
     for count in _DECIDING:
         if count <= len(deciding.epoch):
             is_without = deciding.first(count).is_without(flight.broadcast)
@@ -100,23 +100,19 @@ def atmosphere_so_far(
     return applied
 
 
-def is_decided(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
-) -> bool:
+def is_decided(flight: Flight, observations: Observations, channels: CodeChannels) -> bool:
     """Return whether ``atmosphere_so_far`` says the same of all epochs to come."""
     if observations.earlier is not None:
         return True
-    return len(_deciding(flight, observations, channels, antenna).epoch) >= _DECIDING[-1]
+    return len(_deciding(flight, observations, channels).epoch) >= _DECIDING[-1]
 
 
-def _deciding(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
-) -> Deciding:
+def _deciding(flight: Flight, observations: Observations, channels: CodeChannels) -> Deciding:
     """Return what the first epochs with redundant code tell."""
     n, blocks, count = len(observations.t_s), list[Deciding](), 0
     for first in range(0, n, _BLOCK):
         epoch = np.arange(first, min(first + _BLOCK, n))
-        ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
+        ranges = code_ranges(flight, observations, channels, 0, epoch, rates=False)
         wanted = np.isfinite(ranges.range_m)
         adjusted = (
             adjust(flight, channels, ranges, wanted, model=model, each=True)

@@ -98,30 +98,24 @@ class CodeSolution:
         freeze("code solution", self, {"used": (k, m)}, dtype=np.bool_)
 
 
-_Key = tuple[int, bool | None, bool]
-_CACHE: WeakKeyDictionary[Flight, dict[_Key, CodeSolution]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Flight, dict[bool, CodeSolution]] = WeakKeyDictionary()  # by causal
 
 
-def code_solution(
-    flight: Flight, *, antenna: int = 0, atmosphere: bool | None = None, causal: bool = False
-) -> CodeSolution:
-    """Return the code solution of one antenna; computed once per flight.
+def code_solution(flight: Flight, *, causal: bool = False) -> CodeSolution:
+    """Return the code solution of the first antenna; computed once per flight.
 
     Weighted least squares per epoch: position and one receiver clock per constellation from one
     carrier of each, satellites above the flight's elevation mask. Variances add the flight's code
     noise, the message's accuracy and what the atmosphere models leave. While the chi-square test
     fails at 1e-4, the satellite with the largest normalised residual is dropped.
 
+    The broadcast ionosphere and Saastamoinen's troposphere are applied, but a simulated flight may
+    have no atmosphere: they are left out where that makes the median residuals of a sample of
+    epochs smaller, and as small as the stated code noise; where messages state an ionosphere, only
+    if that is far likelier as well (``atmosphere_choice``).
+
     Parameters
     ----------
-    antenna : int
-        Row in ``flight.antennas``.
-    atmosphere : bool or None
-        Apply the broadcast ionosphere and Saastamoinen's troposphere. None asks the data, because
-        a simulated flight may have no atmosphere: it is left out where that makes the median
-        residuals of a sample of epochs smaller, and as small as the stated code noise; where
-        messages state an ionosphere, only if that is far likelier as well
-        (``atmosphere_choice``).
     causal : bool
         Each epoch by epochs up to it alone: channels by those first seen, the atmosphere by the
         first 64 epochs with redundant code, decided anew whenever their number doubles. Velocities
@@ -133,32 +127,31 @@ def code_solution(
         If the flight lacks observations or orbits, or no epoch has a solution.
     """
     cached = _CACHE.setdefault(flight, {})
-    key = (antenna, atmosphere, causal)
-    if key not in cached:
-        cached[key] = _solve(flight, antenna, atmosphere, causal=causal)
-    return cached[key]
+    if causal not in cached:
+        cached[causal] = _solve(flight, causal=causal)
+    return cached[causal]
 
 
-def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: bool) -> CodeSolution:
+def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
     observations = flight.observations
     if observations is None:
         raise NoSolutionError(f"flight {flight.name}: position needs GNSS observations")
-    name = flight.antennas[antenna].name
-    channels = code_channels(observations, antenna, causal=causal)
+    name = flight.antennas[0].name
+    channels = code_channels(observations, 0, causal=causal)
     if not channels.satellites:
         raise NoSolutionError(f"antenna {name}: no code observation of a supported satellite")
     n = len(observations.t_s)
-    starts, model = None, np.full(n, atmosphere is not False)
-    if not causal:
-        starts, applied = trial(flight, observations, channels, antenna, atmosphere)
+    starts = None
+    if causal:
+        model = atmosphere_so_far(flight, observations, channels)
+    else:
+        starts, applied = trial(flight, observations, channels)
         model = np.full(n, applied)
-    elif atmosphere is None:
-        model = atmosphere_so_far(flight, observations, channels, antenna)
     lost: Counter[tuple[str, str]] = Counter()
     blocks = []
     for first in range(0, n, BLOCK):
         epoch = np.arange(first, min(first + BLOCK, n))
-        ranges = code_ranges(flight, observations, channels, antenna, epoch)
+        ranges = code_ranges(flight, observations, channels, 0, epoch)
         solve = partial(adjust, flight, channels, ranges, model=model[epoch], each=causal)
         start_e_m = None if starts is None else starts.at(epoch)
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
@@ -170,14 +163,13 @@ def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: boo
         if count
     )
     return _finish(
-        flight.origin, observations, antenna, channels, solved, losses, model=model, causal=causal
+        flight.origin, observations, channels, solved, losses, model=model, causal=causal
     )
 
 
 def _finish(
     origin: Origin,
     observations: Observations,
-    antenna: int,
     channels: CodeChannels,
     solved: SolvedBlock,
     losses: tuple[Loss, ...],
@@ -193,7 +185,7 @@ def _finish(
     t_s = observations.t_s[solved.epoch]
     first = np.isfinite(solved.clock_s).argmax(axis=1)
     clock_s = solved.clock_s[np.arange(len(t_s)), first]
-    late_s = observations.tag_s[solved.epoch, antenna] - clock_s - t_s
+    late_s = observations.tag_s[solved.epoch, 0] - clock_s - t_s
     moving = np.asarray(np.isfinite(solved.v_e_mps).all(axis=1))
     doppler = causal or bool(moving.any())
     v_e_mps = np.where(moving[:, None], solved.v_e_mps, 0.0)

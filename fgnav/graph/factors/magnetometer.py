@@ -1,9 +1,8 @@
 """Directions of the magnetic field in body axes, the vehicle's own field among it.
 
-``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, which may
-drift steadily, A the whitening rows across the measured direction [1]_. Only the direction counts:
-with the size, a hard iron that takes some of the Earth's field away would make every residual
-smaller. So r is the sine of the angle to the measured direction, and against it zero again; there,
+``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, A
+the whitening rows across the measured direction [1]_. Only the direction counts: with the size, a
+hard iron that takes some of the Earth's field away would make every residual smaller. So r is the sine of the angle to the measured direction, and against it zero again; there,
 from 90 degrees on, r is lengthened to two less that sine, by ``(2 - s) / s``.
 
 References
@@ -12,7 +11,7 @@ References
    edition, 2013, section 6.1.1: the Earth's field and hard iron.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
@@ -36,29 +35,20 @@ class MagneticField(SensorRows):
     """Directions of the magnetic field, two rows each."""
 
     name: ClassVar[str] = "magnetic field"
-    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3), "field_n_ut": (3,), "since_s": ("k",)}
+    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3), "field_n_ut": (3,)}
     rows: ClassVar[int] = 2
     # Whitening rows of the measured unit vectors; see ``Directions``.
     across_b: FloatArray  # (k, 2, 3)
     field_n_ut: FloatArray  # (3,): m_n, of the Earth
     iron_column: int  # first of the three constants o_b, uT; -1 where there is none
     constants: Constants
-    # First of three constants by which o_b changes in a second, uT/s; for chains alone.
-    drift_column: int = -1
-    # Since o_b is what its constants are; zeros unless it drifts.
-    since_s: FloatArray = field(default_factory=lambda: np.empty(0))  # (k,)
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        if self.drift_column < 0:
-            object.__setattr__(self, "since_s", np.zeros(len(self.row)))
-        SensorRows.__post_init__(self)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
-        columns = self.iron_column, max(self.iron_column, self.drift_column)
-        of_field = self.across_b, self.field_n_ut, self.since_s
-        return Linearised._make(_kernel(*contiguous(at, which), *of_field, *columns))
+        at, which = contiguous(at, which)
+        return Linearised._make(
+            _kernel(at, which, self.across_b, self.field_n_ut, self.iron_column)
+        )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return direction i as a factor of keyframe ``key``: native without hard iron."""
@@ -92,9 +82,7 @@ def _kernel(
     which: IntArray,
     across_b: FloatArray,
     field_n_ut: FloatArray,
-    since_s: FloatArray,
     iron: int,
-    drift: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
     value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
@@ -104,7 +92,7 @@ def _kernel(
         for c in range(3):
             sum_b[c] = earth_b[c]
             if iron >= 0:
-                sum_b[c] += at.constants[iron + c] + at.constants[drift + c] * since_s[i]
+                sum_b[c] += at.constants[iron + c]
         size = np.sqrt(sum_b[0] ** 2 + sum_b[1] ** 2 + sum_b[2] ** 2)
         u_b = rot.scaled(sum_b, 1.0 / size)
         for r in range(3):
@@ -119,5 +107,4 @@ def _kernel(
                 state[k, m, c] = by_turn[m, c]
                 if iron >= 0:
                     shared[k, m, iron + c] += by_field[m, c]
-                    shared[k, m, drift + c] += by_field[m, c] * since_s[i]
     return value, state, shared

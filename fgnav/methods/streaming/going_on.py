@@ -52,7 +52,7 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
     observations = flight.observations
     if observations is not None:
         channels = code_channels(observations, 0, causal=True)
-        if not is_decided(flight, observations, channels, 0):
+        if not is_decided(flight, observations, channels):
             return None
     kept = truncated(flight, np.inf, after_s=from_s)
     samples = truncated(flight, np.inf, after_s=from_s - _MARGIN_S).imu

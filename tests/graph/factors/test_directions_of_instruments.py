@@ -80,19 +80,6 @@ def test_jacobians_equal_differences(which, gyroscope):
     cases.assert_jacobians(each(rng, at, shared)[which], at)
 
 
-def test_the_jacobian_of_a_drifting_hard_iron_equals_differences():
-    rng, shared = np.random.default_rng(8), cases.constants(3, 3)
-    at = cases.random_states(K, shared, rng)
-    steady = field(rng, shared, at, iron=True)
-    since_s = rng.normal(size=K)
-    drifting = replace(steady, drift_column=shared.column("b"), since_s=since_s)
-    cases.assert_jacobians(drifting, at)
-    moved = at._replace(constants=at.constants + np.append(since_s[0] * at.constants[3:], [0] * 3))
-    np.testing.assert_allclose(
-        drifting.linearise(at, ALL).value[0], steady.linearise(moved, ALL).value[0], atol=1e-12
-    )
-
-
 def test_a_field_against_the_measured_one_is_further_off_than_one_across():
     """Its sine is zero there: an accelerometer reversed was a body upside down, NEES 3e7."""
     rng, shared = np.random.default_rng(9), cases.constants(3)
