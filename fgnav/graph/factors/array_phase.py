@@ -21,7 +21,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -99,10 +99,9 @@ def _kernel(
     share: FloatArray,
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 9)), np.zeros((j, 9, D)), np.zeros((j, 9, b))
+    value, state, shared = room(at, which, 9)
     apart = np.empty(9)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         first, white, q = element_column[i], 1 / np.sqrt(1 - share[i]), basis.shape[1]
         for e in range(9):
@@ -123,6 +122,6 @@ def _kernel(
             if share[i] > 0.0:  # then the keyframe has a z
                 lasting = white * np.sqrt(share[i])
                 for e in range(q):
-                    state[k, m, D - q + e] = lasting * basis[m, e]
+                    state[k, m, state.shape[2] - q + e] = lasting * basis[m, e]
                     value[k, m] += lasting * basis[m, e] * at.aux[k, at.aux.shape[1] - q + e]
     return value, state, shared

@@ -20,7 +20,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -70,10 +70,9 @@ def _kernel(
     baselines_b_m: FloatArray,
     column: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, m, D, b = len(which), root.shape[1], 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))
+    value, state, shared = room(at, which, root.shape[1])
     arm = np.empty(3)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         for a in range(len(baselines_b_m)):
             for c in range(3):
@@ -86,7 +85,7 @@ def _kernel(
             part = np.ascontiguousarray(root[i, :, 3 * a : 3 * a + 3])
             residual = rot.times(part, apart)
             turned, moved = rot.product(part, by_turn), rot.product(part, R)
-            for e in range(m):
+            for e in range(len(residual)):
                 value[k, e] += residual[e]
                 for c in range(3):
                     state[k, e, c] -= turned[e, c]

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
-import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -84,9 +83,8 @@ def _kernel(
     node: IntArray,
     share: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 1)), np.zeros((j, 1, D)), np.zeros((j, 1, b))
-    for k in range(j):
+    value, state, shared = room(at, which, 1)
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         apart = at.p_n_m[k, 2] - down_n_m[i]
         for c in range(3):

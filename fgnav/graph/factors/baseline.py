@@ -19,7 +19,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -65,12 +65,11 @@ def _kernel(
     baseline_b_m: FloatArray,
     is_heading: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     cross, least = rot.skew(baseline_b_m), 0.0
     for c in range(3):
         least += _LEVEL * baseline_b_m[c] ** 2
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         white, v_n = whites[i], rot.times(R, baseline_b_m)
         by_turn = rot.product(R, cross)  # v_n changes by minus it

@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
-import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -59,11 +58,10 @@ class Gravity(SensorRows):
 def _kernel(
     at: States, which: IntArray, known_n: FloatArray, across_b: FloatArray, column: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     minus_tilt = tilt(at.constants, column, ABOUT_X)
     turn = rot.exp(minus_tilt)
-    for k in range(j):
+    for k in range(len(which)):
         i = which[k]
         u_b = rot.times(rot.transposed(at.R_nb[k]), known_n[i])
         across = rot.product(across_b[i], turn)

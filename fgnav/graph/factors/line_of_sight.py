@@ -15,7 +15,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -57,11 +57,10 @@ class LineOfSight(SensorRows):
 def _kernel(
     at: States, which: IntArray, across_b: FloatArray, landmark: int, boresight: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     minus_tilt, flat = tilt(at.constants, boresight, ABOUT_Y), np.empty((3, 3))
     turn, way_n_m = rot.exp(minus_tilt), np.empty(3)
-    for k in range(j):
+    for k in range(len(which)):
         i, to_b = which[k], rot.transposed(at.R_nb[k])
         for c in range(3):
             way_n_m[c] = at.constants[landmark + c] - at.p_n_m[k, c]

@@ -2,8 +2,9 @@
 
 ``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, A
 the whitening rows across the measured direction [1]_. Only the direction counts: with the size, a
-hard iron that takes some of the Earth's field away would make every residual smaller. So r is the sine of the angle to the measured direction, and against it zero again; there,
-from 90 degrees on, r is lengthened to two less that sine, by ``(2 - s) / s``.
+hard iron that takes some of the Earth's field away would make every residual smaller. So r is the
+sine of the angle to the measured direction, and against it zero again; there, from 90 degrees on, r
+is lengthened to two less that sine, by ``(2 - s) / s``.
 
 References
 ----------
@@ -21,7 +22,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -84,10 +85,9 @@ def _kernel(
     field_n_ut: FloatArray,
     iron: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     sum_b, flat = np.empty(3), np.empty((3, 3))
-    for k in range(j):
+    for k in range(len(which)):
         i, earth_b = which[k], rot.times(rot.transposed(at.R_nb[k]), field_n_ut)
         for c in range(3):
             sum_b[c] = earth_b[c]

@@ -19,7 +19,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -70,14 +70,13 @@ def _kernel(
     arm_b_m: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     arm, apart = arm_b_m.copy(), np.empty(3)
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         white = whites[i]
         turned, at_antenna = rot.product(white, R), rot.times(R, arm)

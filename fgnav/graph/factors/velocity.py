@@ -20,7 +20,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -90,14 +90,13 @@ def _kernel(
     earth_rate_n_radps: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     arm, apart, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         # A state of the rate is that against n, a gyroscope's that against inertial space.
         earth_b = rot.scaled(rot.times(rot.transposed(R), earth_rate_n_radps), (1.0 - sign) / 2)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from fgnav.checks import BadInputError, IntArray
+from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import inner
 
 
 def check_shapes(owner: str, item: object, shapes: dict[str, tuple[int, ...]]) -> None:
@@ -29,3 +30,10 @@ def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
     ):
         at = at.copied()
     return at, which if which.flags.carray else np.array(which, dtype=np.int64)
+
+
+@inner
+def room(at: States, which: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return zeros for residuals of j measurements, (j, m), and derivatives; see ``Linearised``."""
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    return np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))
