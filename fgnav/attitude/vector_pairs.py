@@ -50,7 +50,7 @@ class VectorPairs:
         """Return the pairs that ``keep``, (n, k), names, the others absent."""
         return replace(self, v_b=np.where(keep[..., None], self.v_b, np.nan))
 
-    def at(self, rows: IntArray, epochs: int) -> "VectorPairs":
+    def scatter(self, rows: IntArray, epochs: int) -> "VectorPairs":
         """Return the pairs at some rows of so many epochs, none at the others."""
         v_n, v_b = np.full((2, epochs, *self.v_n.shape[1:]), np.nan)
         weight = np.zeros((epochs, len(self.sources)))

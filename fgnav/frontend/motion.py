@@ -82,11 +82,11 @@ def motion_of(
 
 def _in_body(turning: Turning, start: Alignment) -> Turning:
     """Return the rotations of the body itself, which may spin."""
-    own, t_s = start.own, start.t_s
-    if own is None:
+    rotation, t_s = start.rotation, start.t_s
+    if rotation is None:
         return turning
-    rate = np.einsum("nji,nj->ni", own.at(t_s), turning.rate_b_radps) + own.rates(t_s)
-    return turning._replace(R_nb=spun(own, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
+    rate = np.einsum("nji,nj->ni", rotation.at(t_s), turning.rate_b_radps) + rotation.rates(t_s)
+    return turning._replace(R_nb=spun(rotation, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
 
 
 def _rate_priors(

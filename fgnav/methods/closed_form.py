@@ -168,7 +168,7 @@ class ClosedForm:
             losses += lost
         t_s = np.unique(np.concatenate(times))
         rows = [np.searchsorted(t_s, part_s) for part_s in times]
-        pairs = stacked([part.at(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
+        pairs = stacked([part.scatter(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
         return _Epochs(t_s, pairs, rows[0]), tuple(losses)
 
     def _weighted(self, pairs: VectorPairs) -> VectorPairs:

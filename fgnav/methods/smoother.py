@@ -24,11 +24,11 @@ from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
 from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.graph_summary import graph_summary
-from fgnav.methods.smoothing.joined import among, joined_estimates
 from fgnav.methods.smoothing.solving import at_once, by_newest, by_window, without_attitudes
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
@@ -151,7 +151,7 @@ class Smoother:
             for one in prepared.stretches
             if (within := one.answers(t_s)).any()
         ]
-        return joined_estimates(parts, len(t_s), len(t_s))
+        return concatenate_estimates(parts, len(t_s), len(t_s))
 
     def _at(self, flight: Flight, prepared: PreparedFlight, t_s: FloatArray) -> Estimate:
         problem, rows = with_times(prepared.problem, t_s)
@@ -243,7 +243,7 @@ class Smoother:
             due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
             estimate = self._estimated(one.flight, one.prepared)
             parts.append(among(estimate, one.from_s, one.until_s))
-        return joined_estimates(parts, max(one.epochs for one in parts), due)
+        return concatenate_estimates(parts, max(one.epochs for one in parts), due)
 
     @property
     def _waits_s(self) -> float:

@@ -16,7 +16,7 @@ from fgnav.gravity import GravityDirection
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
-from fgnav.neural.records import Record, check_rate, joined, of_flight, of_measurements
+from fgnav.neural.records import Record, check_rate, concatenate_records, of_flight, of_measurements
 from fgnav.neural.windows import Windows, windows
 from fgnav.types.flight import Flight
 
@@ -114,7 +114,7 @@ class NeuralFactor:
     def add(self, sensor: str, record: Record) -> None:
         """Take samples of a sensor that a stream's measurements do not have, as they come."""
         self._check(sensor, record)
-        self._given = joined(self._given, {sensor: record})
+        self._given = concatenate_records(self._given, {sensor: record})
 
     def __call__(self, flight: Any, timeline: Timeline) -> Sourced:  # noqa: ANN401  # or Measurements
         """Return the factors of a flight's keyframes, or of a stream's newest.
@@ -130,7 +130,7 @@ class NeuralFactor:
             return self._answered(have, timeline, self._notes(flight), flight.name)
         if timeline.new == 0:
             self._so_far, self._last_s = {}, -np.inf
-        self._so_far = joined(self._so_far, of_measurements(flight))
+        self._so_far = concatenate_records(self._so_far, of_measurements(flight))
         longest_s = max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
         kept_s = float(timeline.t_s[-1]) - 2 * longest_s
         self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}

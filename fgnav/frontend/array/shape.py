@@ -46,7 +46,7 @@ class BaselineForm:
     minimum: FloatArray
     baselines_b_m: FloatArray
 
-    def at(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
+    def scatter(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
         """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
         mine = np.arange(len(self.valid)) if mine is None else mine
         valid, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
@@ -165,7 +165,7 @@ def shape_at(
     stated_b_m = form_b.baselines_b_m.copy()
     for place, off_b_m in offs.items():
         stated_b_m[place] -= off_b_m
-    return replace(form_b.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+    return replace(form_b.scatter(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
 
 
 class FixedPhases(NamedTuple):

@@ -37,7 +37,8 @@ class Alignment:
     rough: bool = False  # whether the covariance is a guess
     # The array's own, and what of them its form is of, without integers, whatever the epochs.
     phases: tuple[DoubleDifferences, FloatArray] | None = None
-    own: ImuRotation | None = None  # how the body turns by its gyroscope, or spins without an array
+    # How the body turns by its gyroscope, or spins without an array.
+    rotation: ImuRotation | None = None
     gyroscope_bias_b_radps: FloatArray | None = None  # (3,): where the search for it starts
     # When information about heading begins, and when it is enough.
     heading_from_s: float = -np.inf
@@ -47,7 +48,7 @@ class Alignment:
     @property
     def R_nu(self) -> FloatArray:
         """Attitudes of axes that do not spin, (n, 3, 3)."""
-        return despun(self.own, self.t_s, self.R_nb)
+        return despun(self.rotation, self.t_s, self.R_nb)
 
     def epochs_of(self, t_s: FloatArray) -> IntArray:
         """Return which of some times, (m,), each keyframe is at, (n,); -1 of none."""

@@ -60,7 +60,7 @@ class Directions:
         """Return some of them."""
         return Directions(e_b=self.e_b[rows], across_b=self.across_b[rows])
 
-    def at(self, rows: IntArray, n: int) -> "Directions":
+    def scatter(self, rows: IntArray, n: int) -> "Directions":
         """Return them among n keyframes, of which ``rows`` are those so far."""
         e_b, across_b = np.full((n, 3), np.nan), np.zeros((n, 2, 3))
         e_b[rows], across_b[rows] = self.e_b, self.across_b
