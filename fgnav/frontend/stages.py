@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.imu_rotation import imu_rotation, spun
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError, losses_of
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import of_arrays, without_array
 from fgnav.frontend.attitude.epochs import Alignment, at_keyframes
@@ -288,11 +288,7 @@ def kept(
         ("epoch", "before the first attitude"): early,
         ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
     }
-    losses = tuple(
-        Loss(what=what, reason=reason, count=int(lost.sum()))
-        for (what, reason), lost in reasons.items()
-        if lost.any()
-    )
+    losses = losses_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
     return start[np.flatnonzero(covered & ~early)], losses
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, losses_of, positive
 from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import NamedFactor
 from fgnav.graph.keys import Timeline
@@ -152,12 +152,11 @@ class NeuralFactor:
         lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
         inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
         answers = self._network([x[inside] for x in seen.inputs])
-        losses = (Loss(what=f"{self.name} answer", reason=r, count=n) for r, n in lost.items() if n)
         return GravityDirection(
             t_s=t_s[inside],
             g_b=answers.value.reshape(-1, 3),
             covariance=answers.covariance.reshape(-1, 3, 3),
-            losses=tuple(losses),
+            losses=self._losses(lost),
         )
 
     def _check(self, sensor: str, record: Record) -> None:
@@ -235,9 +234,10 @@ class NeuralFactor:
             for reason, which in seen.lost.items():
                 lost[reason] = lost.get(reason, 0) + int(which.sum())
             factors += self._factors(seen, timeline, rows, lost)
-        what = f"{self.name} answer"
-        losses = tuple(Loss(what=what, reason=r, count=n) for r, n in lost.items() if n)
-        return Sourced(factors=tuple(factors), losses=losses, notes=notes)
+        return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
+
+    def _losses(self, lost: Mapping[str, int]) -> tuple[Loss, ...]:
+        return losses_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
 
     def _factors(
         self, seen: Windows, timeline: Timeline, rows: IntArray, lost: dict[str, int]

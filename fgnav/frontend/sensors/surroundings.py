@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Loss, losses_of
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S
 from fgnav.geometry.earth import Origin, geodetic
@@ -161,7 +161,7 @@ def _sampled(
         interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
     unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
-    return interpolated, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
+    return interpolated, losses_of({(what, reason): unmatched})
 
 
 def _latest(
@@ -174,7 +174,7 @@ def _latest(
     newest = np.full((len(t_s), values.shape[1]), np.nan)
     newest[fresh] = values[sample[fresh]]
     unmatched, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
-    return newest, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
+    return newest, losses_of({(what, reason): unmatched})
 
 
 def _as_noise_m(barometer: Barometer) -> float:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
 from fgnav.gnss.cycle_slips.verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
@@ -102,7 +102,7 @@ def phase_arcs(
         arc=arc,
         steps=int(both.sum()),
         untested=int((both & (verdict == NOT_TESTED)).sum()),
-        losses=tuple(Loss(what=w, reason=r, count=c) for (w, r), c in lost.items() if c),
+        losses=losses_of(lost),
     )
 
 

@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze, losses_of
 from fgnav.geometry.earth import Origin
 from fgnav.gnss.single_point.adjustment import adjust
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
@@ -157,11 +157,7 @@ def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
     columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
-    losses = tuple(
-        Loss(what=f"{name} {what}", reason=reason, count=count)
-        for (what, reason), count in lost.items()
-        if count
-    )
+    losses = losses_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
     return _finish(
         flight.origin, observations, channels, solved, losses, model=model, causal=causal
     )
