@@ -37,8 +37,6 @@ class CodeSolution:
         epoch to epoch: a filter that takes it for white noise would average it away.
     position_noise_m2 : ndarray, shape (k, 3, 3)
         The part of it that is new at every epoch: the receiver's noise.
-    drift_per_s : ndarray, shape (k, 3, 3)
-        Times an error of position that stays with satellites: how fast it moves as the sky turns.
     v_n_mps : ndarray, shape (k, 3), or None
         From Doppler; NaN at epochs without enough of it, None if there is none at all.
     velocity_covariance_m2ps2 : ndarray, shape (k, 3, 3), or None
@@ -48,8 +46,6 @@ class CodeSolution:
         Receiver clock minus each constellation's time; NaN where it was not seen.
     clock_drift_sps : ndarray, shape (k,)
         NaN without Doppler.
-    dop : ndarray, shape (k, 4)
-        Geometric, position, horizontal, vertical dilution of precision.
     satellites : tuple of str, length m
     used : ndarray of bool, shape (k, m)
         Satellites that took part in the position.
@@ -63,13 +59,11 @@ class CodeSolution:
     p_n_m: FloatArray
     position_covariance_m2: FloatArray
     position_noise_m2: FloatArray
-    drift_per_s: FloatArray
     v_n_mps: FloatArray | None
     velocity_covariance_m2ps2: FloatArray | None
     constellations: tuple[str, ...]
     clock_s: FloatArray
     clock_drift_sps: FloatArray
-    dop: FloatArray
     satellites: tuple[str, ...]
     used: BoolArray
     atmosphere: bool
@@ -83,12 +77,10 @@ class CodeSolution:
             "p_n_m": (k, 3),
             "position_covariance_m2": (k, 3, 3),
             "position_noise_m2": (k, 3, 3),
-            "drift_per_s": (k, 3, 3),
             "v_n_mps": (k, 3),
             "velocity_covariance_m2ps2": (k, 3, 3),
             "clock_s": (k, c),
             "clock_drift_sps": (k,),
-            "dop": (k, 4),
         }
         gaps = ("v_n_mps", "velocity_covariance_m2ps2", "clock_s", "clock_drift_sps")
         for name, shape in shapes.items():
@@ -185,24 +177,17 @@ def _finish(
     moving = np.asarray(np.isfinite(solved.v_e_mps).all(axis=1))
     doppler = causal or bool(moving.any())
     v_e_mps = np.where(moving[:, None], solved.v_e_mps, 0.0)
-    geometry = solved.geometry[:, :3, :3]
-    variances = np.diagonal(R @ geometry @ R.T, axis1=1, axis2=2)
-    position = variances.sum(axis=1)
-    time = np.diagonal(solved.geometry, axis1=1, axis2=2)[:, 3]
-    dop = [position + time, position, variances[:, :2].sum(axis=1), variances[:, 2]]
     return CodeSolution(
         t_s=t_s,
         epoch=solved.epoch,
         p_n_m=origin.to_n(solved.p_e_m - v_e_mps * late_s[:, None]),
         position_covariance_m2=R @ solved.covariance_m2 @ R.T,
         position_noise_m2=R @ solved.noise_m2 @ R.T,
-        drift_per_s=R @ solved.drift_per_s @ R.T,
         v_n_mps=solved.v_e_mps @ R.T if doppler else None,
         velocity_covariance_m2ps2=(R @ solved.velocity_covariance_m2ps2 @ R.T if doppler else None),
         constellations=channels.constellations,
         clock_s=solved.clock_s,
         clock_drift_sps=solved.drift_sps,
-        dop=np.sqrt(np.stack(dop, axis=1)),
         satellites=channels.satellites,
         used=solved.used,
         atmosphere=bool(model[solved.epoch[-1]]),

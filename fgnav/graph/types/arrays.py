@@ -4,7 +4,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import inner
+from fgnav.kernels.compiled import kernel
 
 
 def check_shapes(owner: str, item: object, shapes: dict[str, tuple[int, ...]]) -> None:
@@ -32,7 +32,7 @@ def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
     return at, which if which.flags.carray else np.array(which, dtype=np.int64)
 
 
-@inner
+@kernel
 def room(at: States, which: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return zeros for residuals of j measurements, (j, m), and derivatives; see ``Linearised``."""
     j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)

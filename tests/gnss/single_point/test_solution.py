@@ -106,16 +106,6 @@ def test_message_errors_enlarge_the_covariance_but_not_the_noise():
     np.testing.assert_allclose(np.diag(ratio), 1 + 2.4**2, rtol=1e-6)
 
 
-def test_dilution_of_precision_is_that_of_unit_ranges():
-    flight = Made(t_s=T_S[:3], arms_b_m=ONE, code_sigma_m=1.0).flight()
-    solution = code_solution(flight)
-    variances = np.diagonal(solution.position_covariance_m2, axis1=1, axis2=2)
-    np.testing.assert_allclose(solution.dop[:, 1], np.sqrt(variances.sum(axis=1)), rtol=1e-6)
-    np.testing.assert_allclose(solution.dop[:, 2], np.sqrt(variances[:, :2].sum(axis=1)), rtol=1e-6)
-    np.testing.assert_allclose(solution.dop[:, 3], np.sqrt(variances[:, 2]), rtol=1e-6)
-    assert (solution.dop[:, 0] > solution.dop[:, 1]).all()
-
-
 def test_a_gross_error_is_dropped_and_counted():
     made = Made(t_s=T_S, arms_b_m=ONE, letters="GE", code_sigma_m=0.5)
     flight = made.flight()
