@@ -1,6 +1,7 @@
 """A network as a source of factors: windows that end at keyframes, outputs, their correlation."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,8 @@ class NeuralFactor:
 
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
         """Return how to make another in a process of its own."""
-        return _reconstructed, (self._path, self._given, self._interval_s)
+        again = partial(NeuralFactor, records=self._given, interval_s=self._interval_s)
+        return again, (self._path,)
 
     @property
     def name(self) -> str:
@@ -297,9 +299,3 @@ def _beginnings(t_s: np.ndarray, at_s: np.ndarray) -> IntArray:
     """Return the keyframes at times; -1 where there is none."""
     row = np.searchsorted(t_s, at_s - 1e-3).clip(0, len(t_s) - 1)
     return np.where(np.abs(t_s[row] - at_s) < 1e-3, row, -1)
-
-
-def _reconstructed(
-    path: Path, records: Mapping[str, Record], between_s: float | None
-) -> NeuralFactor:
-    return NeuralFactor(path, records=records, interval_s=between_s)

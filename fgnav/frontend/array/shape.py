@@ -30,21 +30,12 @@ _MISFIT = 4.0  # times the median: an epoch with wrong integers
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineForm:
-    """Cost of the baselines u, (b, 3), in ``n``, by phases: ``|root (u - minimum).ravel()|^2 / 2``.
+    """Cost of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``."""
 
-    Attributes
-    ----------
-    there : ndarray of bool, shape (n,)
-    root : ndarray, shape (n, 3 b, 3 b)
-    minimum : ndarray, shape (n, b, 3)
-    baselines_b_m : ndarray, shape (b, 3)
-        As the flight states them.
-    """
-
-    valid: BoolArray
-    root: FloatArray
-    minimum: FloatArray
-    baselines_b_m: FloatArray
+    valid: BoolArray  # (n,)
+    root: FloatArray  # (n, 3 b, 3 b)
+    minimum: FloatArray  # (n, b, 3)
+    baselines_b_m: FloatArray  # (b, 3): as the flight states them
 
     def scatter(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
         """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""

@@ -22,50 +22,29 @@ BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class CodeSolution:
-    """Where one antenna was, by its code observations alone, at the epochs that have an answer.
+    """Where one antenna was, by its code observations alone, at the epochs that have an answer."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (k,)
-        Nominal epochs. Positions are moved there from the true time of reception where a velocity
-        is known.
-    epoch : ndarray of int, shape (k,)
-        Their rows in the observations.
-    p_n_m : ndarray, shape (k, 3)
-    position_covariance_m2 : ndarray, shape (k, 3, 3)
-        With what messages and atmosphere models leave unexplained. That part hardly changes from
-        epoch to epoch: a filter that takes it for white noise would average it away.
-    position_noise_m2 : ndarray, shape (k, 3, 3)
-        The part of it that is new at every epoch: the receiver's noise.
-    v_n_mps : ndarray, shape (k, 3), or None
-        From Doppler; NaN at epochs without enough of it, None if there is none at all.
-    velocity_covariance_m2ps2 : ndarray, shape (k, 3, 3), or None
-    constellations : tuple of str, length c
-        Letters: ``"G"``.
-    clock_s : ndarray, shape (k, c)
-        Receiver clock minus each constellation's time; NaN where it was not seen.
-    clock_drift_sps : ndarray, shape (k,)
-        NaN without Doppler.
-    satellites : tuple of str, length m
-    used : ndarray of bool, shape (k, m)
-        Satellites that took part in the position.
-    atmosphere : bool
-        Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
-        epoch.
-    """
-
-    t_s: FloatArray
-    epoch: IntArray
-    p_n_m: FloatArray
-    position_covariance_m2: FloatArray
-    position_noise_m2: FloatArray
-    v_n_mps: FloatArray | None
-    velocity_covariance_m2ps2: FloatArray | None
-    constellations: tuple[str, ...]
-    clock_s: FloatArray
-    clock_drift_sps: FloatArray
+    # Nominal epochs. Positions are moved there from the true time of reception where a velocity is
+    # known.
+    t_s: FloatArray  # (k,)
+    epoch: IntArray  # (k,): their rows in the observations
+    p_n_m: FloatArray  # (k, 3)
+    # With what messages and atmosphere models leave unexplained. That part hardly changes from
+    # epoch to epoch: a filter that takes it for white noise would average it away.
+    position_covariance_m2: FloatArray  # (k, 3, 3)
+    # The part of it that is new at every epoch: the receiver's noise.
+    position_noise_m2: FloatArray  # (k, 3, 3)
+    # From Doppler; NaN at epochs without enough of it, None if there is none at all.
+    v_n_mps: FloatArray | None  # (k, 3)
+    velocity_covariance_m2ps2: FloatArray | None  # (k, 3, 3)
+    constellations: tuple[str, ...]  # letters: ``"G"``
+    # Receiver clock minus each constellation's time; NaN where it was not seen.
+    clock_s: FloatArray  # (k, c)
+    clock_drift_sps: FloatArray  # (k,): NaN without Doppler
     satellites: tuple[str, ...]
-    used: BoolArray
+    used: BoolArray  # (k, m): satellites that took part in the position
+    # Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
+    # epoch.
     atmosphere: bool
     losses: tuple[Loss, ...] = ()
 
