@@ -23,7 +23,6 @@ class FixedBaselines:
     # Baselines in local axes; NaN where fewer than three double differences are fixed, or where a
     # weighted solution has no unique answer.
     b_n_m: FloatArray  # (n, b, 3)
-    differences: IntArray  # (n, b): double differences used
     # ``b_n_m = gain @ ranges``; its columns sum to zero within a group, so it holds for ranges of
     # any reference, undifferenced ones included. 0 where a link is not used.
     gain: FloatArray  # (n, b, 3, m)
@@ -228,7 +227,6 @@ def _solved(
     gain[withheld] = 0.0
     return FixedBaselines(
         b_n_m=b_n_m,
-        differences=count,
         gain=gain,
         link_variance_m2=differences.phase_variance_m2,
     )

@@ -12,7 +12,6 @@ from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
-from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
@@ -48,8 +47,6 @@ class PreparedFlight:
     opening: Opening | None = None  # what a filter is given in its place until the heading is known
     # As it were if the heading was known: horizontal accelerations are no noise anywhere.
     in_motion: Problem | None = None
-    # Phases of the array, and the ranges of its attitudes, without integers.
-    array: tuple[DoubleDifferences, FloatArray] | None = None
     # In place of all this, of a causal method whose noise is identified as the flight goes on.
     stretches: "tuple[Stretch, ...]" = ()
     # What was identified of noise and set-up, over the largest plausible value.

@@ -151,7 +151,6 @@ def build_problem(
         windowed=windowed,
         opening=opening,
         in_motion=in_motion,
-        array=start.phases,
         rest=rest,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,

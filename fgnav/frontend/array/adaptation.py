@@ -61,7 +61,6 @@ class AdaptedArray:
     ranges_m: FloatArray  # (n, b, m)
     # Links, the reference antenna's first, that contradict the others of their epoch.
     excluded: BoolArray  # (n, b + 1, m)
-    variance_factor: FloatArray  # (n,): by which the noise is raised
     refused: BoolArray  # (n,): epochs that nothing brings to agree
     evidence: FloatArray  # (n,): for the integers of each epoch, log odds; 0 of those refused
     source: IntArray  # (n, b, m): whose integers they are, of ``types.integers.SOURCES``
@@ -118,7 +117,6 @@ def adapted(
         attitude=attitude,
         ranges_m=without(ranges_m, excluded),
         excluded=excluded,
-        variance_factor=factor,
         refused=refused,
         evidence=np.where(refused, 0.0, evidence),
         source=_source(integers, believed, chosen.by_arc),

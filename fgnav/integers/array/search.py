@@ -53,9 +53,6 @@ class ConstrainedSearch:
     # Weighted square sum of the code and phase residuals of the best and the second-best integers,
     # each with its own best attitude; infinite where there is none within reach.
     costs: FloatArray  # (n, 2)
-    # Those of ``R_nb V`` that the best integers lead to, V as ``spans`` has it; the first 3 r
-    # count.
-    columns: FloatArray  # (n, 9)
     degrees: IntArray  # (n,): degrees of freedom of the best cost
     # That the best integers are not the true ones; see ``search_constrained``.
     wrong_probability: FloatArray  # (n,)
@@ -100,7 +97,6 @@ def search_constrained(differences: DoubleDifferences, nodes: int) -> Constraine
     return ConstrainedSearch(
         cycles=result.cycles[:, 0],
         costs=result.costs,
-        columns=result.columns[:, 0],
         degrees=degrees,
         wrong_probability=result.wrong_probability,
         log_evidence=result.log_evidence,
