@@ -27,7 +27,6 @@ class Track:
     """
 
     t_s: FloatArray
-    epochs: int
     p_n_m: FloatArray
     position_covariance_m2: FloatArray
     v_n_mps: FloatArray | None
@@ -60,7 +59,6 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
         code = code_solution(flight, causal=causal)
         return Track(
             t_s=code.t_s,
-            epochs=len(flight.observations.t_s),
             p_n_m=code.p_n_m,
             position_covariance_m2=code.position_covariance_m2,
             v_n_mps=code.v_n_mps,
@@ -79,7 +77,6 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
     """Return the track of an antenna by its receiver's fixes."""
     return Track(
         t_s=fixes.t_s,
-        epochs=len(fixes.t_s),
         p_n_m=fixes.p_n_m,
         position_covariance_m2=fixes.position_sigma_m[:, None] ** 2 * np.eye(3),
         v_n_mps=fixes.v_n_mps,
