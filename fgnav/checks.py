@@ -74,6 +74,11 @@ class Loss:
     count: int
 
 
+def losses_of(counts: Mapping[tuple[str, str], int]) -> tuple[Loss, ...]:
+    """Return losses by what and reason, each with its count; none of zero."""
+    return tuple(Loss(what=w, reason=r, count=int(n)) for (w, r), n in counts.items() if n > 0)
+
+
 def quoted(value: object) -> str:
     """Return a value for an error's text: as Python writes it, printable, 80 characters at most."""
     text = ascii(value) if isinstance(value, str) and not value.isprintable() else repr(value)

@@ -5,20 +5,15 @@ from fgnav.checks import BadInputError
 from fgnav.geometry import rotations
 from fgnav.geometry.earth import EARTH_RATE_RADPS, Origin
 from fgnav.gravity import LowDynamics, specific_force_pair
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Flight
+from tests.imu import imu_of
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=700.0)
 G_N_MPS2 = ORIGIN.gravity_n_mps2(np.zeros((2, 3)))[0]
 
 
 def imu(t_s, f_b_mps2):
-    return Imu(
-        t_s=t_s,
-        f_b_mps2=f_b_mps2,
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=0.03,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-    )
+    return imu_of(t_s, f_b_mps2)
 
 
 def flight(t_s, f_b_mps2):

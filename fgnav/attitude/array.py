@@ -74,11 +74,6 @@ class AttitudeSolution:
         factor = _significant_factor(shares)
         return factor if self.degrees_of_freedom[rows].sum() >= _TELLING else max(factor, 1.0)
 
-    def misfit(self) -> float:
-        """Return the same as residuals have it; 1 where it is one of noise that is believed."""
-        factor = float(np.median(self._shares_of_median()[1])) if self.solved.any() else 1.0
-        return factor if factor > _LOUDEST else 1.0
-
     def variance_factor_so_far(self) -> FloatArray:
         """Return the same for each epoch by epochs up to it alone, (n,).
 

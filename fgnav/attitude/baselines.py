@@ -18,26 +18,15 @@ _SINGULAR = 1e-8  # smallest over largest eigenvalue of H^T H; six satellites in
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class FixedBaselines:
-    """Baselines from the reference antenna, and the linear map that made them.
+    """Baselines from the reference antenna, and the linear map that made them."""
 
-    Attributes
-    ----------
-    b_n_m : ndarray, shape (n, b, 3)
-        Baselines in local axes; NaN where fewer than three double differences are fixed, or where
-        a weighted solution has no unique answer.
-    differences : ndarray of int, shape (n, b)
-        Double differences used.
-    gain : ndarray, shape (n, b, 3, m)
-        ``b_n_m = gain @ ranges``; its columns sum to zero within a group, so it holds for ranges of
-        any reference, undifferenced ones included. 0 where a link is not used.
-    link_variance_m2 : ndarray, shape (n, m)
-        Of one undifferenced link of one antenna.
-    """
-
-    b_n_m: FloatArray
-    differences: IntArray
-    gain: FloatArray
-    link_variance_m2: FloatArray
+    # Baselines in local axes; NaN where fewer than three double differences are fixed, or where a
+    # weighted solution has no unique answer.
+    b_n_m: FloatArray  # (n, b, 3)
+    # ``b_n_m = gain @ ranges``; its columns sum to zero within a group, so it holds for ranges of
+    # any reference, undifferenced ones included. 0 where a link is not used.
+    gain: FloatArray  # (n, b, 3, m)
+    link_variance_m2: FloatArray  # (n, m): of one undifferenced link of one antenna
 
     @property
     def covariance_m2(self) -> FloatArray:
@@ -238,7 +227,6 @@ def _solved(
     gain[withheld] = 0.0
     return FixedBaselines(
         b_n_m=b_n_m,
-        differences=count,
         gain=gain,
         link_variance_m2=differences.phase_variance_m2,
     )

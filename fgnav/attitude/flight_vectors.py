@@ -27,7 +27,6 @@ class Track:
     """
 
     t_s: FloatArray
-    epochs: int
     p_n_m: FloatArray
     position_covariance_m2: FloatArray
     v_n_mps: FloatArray | None
@@ -60,7 +59,6 @@ def track_of(flight: Flight, *, causal: bool = False) -> Track:
         code = code_solution(flight, causal=causal)
         return Track(
             t_s=code.t_s,
-            epochs=len(flight.observations.t_s),
             p_n_m=code.p_n_m,
             position_covariance_m2=code.position_covariance_m2,
             v_n_mps=code.v_n_mps,
@@ -79,7 +77,6 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
     """Return the track of an antenna by its receiver's fixes."""
     return Track(
         t_s=fixes.t_s,
-        epochs=len(fixes.t_s),
         p_n_m=fixes.p_n_m,
         position_covariance_m2=fixes.position_sigma_m[:, None] ** 2 * np.eye(3),
         v_n_mps=fixes.v_n_mps,
@@ -91,14 +88,14 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
 
 
 def measured_vectors(
-    flight: Flight, track: Track, own: ImuRotation | None = None, *, causal: bool = False
+    flight: Flight, track: Track, rotation: ImuRotation | None = None, *, causal: bool = False
 ) -> tuple[VectorPairs, tuple[Loss, ...]]:
     """Return the pairs that instruments give in both frames: force, line of sight, baselines.
 
     Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
     rotation is known: else a spin blurs it. With ``causal`` it is that since the epoch before, and
-    the line of sight is the last sample's; ``own`` is then the caller's to have without the future.
-    Weights are one over the mean variance of the components across a vector.
+    the line of sight is the last sample's; ``rotation`` is then the caller's to have without
+    the future. Weights are one over the mean variance of the components across a vector.
     """
     at_epochs = _last_seen if causal else _interpolated
     v_n: list[FloatArray] = []
@@ -108,13 +105,13 @@ def measured_vectors(
     losses: tuple[Loss, ...] = ()
     if flight.imu is not None and track.v_n_mps is not None:
         imu = flight.imu
-        if own is not None:
-            imu = own.forces(imu, track.arm_b_m - imu.position_b_m)
+        if rotation is not None:
+            imu = rotation.forces(imu, track.arm_b_m - imu.position_b_m)
         f_n, f_b = specific_force_pair(
             imu, flight.origin, track.t_s, track.p_n_m, track.v_n_mps, causal=causal
         )
-        if own is not None:
-            f_b = np.einsum("nji,nj->ni", own.at(track.t_s), f_b)
+        if rotation is not None:
+            f_b = np.einsum("nji,nj->ni", rotation.at(track.t_s), f_b)
         v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
         covariance = _force_covariance(imu, track, causal=causal)
         variance.append(_variance_across(f_n, covariance))

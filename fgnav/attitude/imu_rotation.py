@@ -51,14 +51,14 @@ class ImuRotation:
         return replace(imu, f_b_mps2=np.einsum("nij,nj->ni", self.at(imu.t_s), f_b_mps2))
 
 
-def despun(own: ImuRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
+def despun(rotation: ImuRotation | None, t_s: FloatArray, R_nb: FloatArray) -> FloatArray:
     """Return attitudes R_nu of axes that do not spin, (n, 3, 3), at times, (n,)."""
-    return R_nb if own is None else np.asarray(R_nb @ transpose(own.at(t_s)))
+    return R_nb if rotation is None else np.asarray(R_nb @ transpose(rotation.at(t_s)))
 
 
-def spun(own: ImuRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArray:
+def spun(rotation: ImuRotation | None, t_s: FloatArray, R_nu: FloatArray) -> FloatArray:
     """Return the body's attitudes R_nb, (n, 3, 3), at times, (n,), of those that do not spin."""
-    return R_nu if own is None else np.asarray(R_nu @ own.at(t_s))
+    return R_nu if rotation is None else np.asarray(R_nu @ rotation.at(t_s))
 
 
 def imu_rotation(imu: Imu, R_ub: FloatArray | None = None) -> ImuRotation | None:

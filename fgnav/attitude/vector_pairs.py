@@ -17,24 +17,17 @@ _NORTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class VectorPairs:
-    """The same vectors in local and in body axes, epoch by epoch.
+    """The same vectors in local and in body axes, epoch by epoch."""
 
-    Attributes
-    ----------
-    v_n, v_b : ndarray, shape (n, k, 3)
-        Vectors, each pair in a unit of its own (m of a baseline, 1 of a direction); NaN where an
-        epoch lacks the pair.
-    weight : ndarray, shape (n, k)
-        One over the variance of a component of ``v_n - R_nb v_b``, in that unit. With equal weights
-        vectors count with the square of their length.
-    sources : tuple of str, length k
-        Where each vector comes from: ``"baseline a2"``, ``"gravity"``, ``"velocity"``,
-        ``"line of sight"``.
-    """
-
-    v_n: FloatArray
-    v_b: FloatArray
-    weight: FloatArray
+    # Vectors, each pair in a unit of its own (m of a baseline, 1 of a direction); NaN where an
+    # epoch lacks the pair.
+    v_n: FloatArray  # (n, k, 3)
+    v_b: FloatArray  # (n, k, 3)
+    # One over the variance of a component of ``v_n - R_nb v_b``, in that unit. With equal weights
+    # vectors count with the square of their length.
+    weight: FloatArray  # (n, k)
+    # Where each vector comes from: ``"baseline a2"``, ``"gravity"``, ``"velocity"``, ``"line of
+    # sight"``.
     sources: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -57,7 +50,7 @@ class VectorPairs:
         """Return the pairs that ``keep``, (n, k), names, the others absent."""
         return replace(self, v_b=np.where(keep[..., None], self.v_b, np.nan))
 
-    def at(self, rows: IntArray, epochs: int) -> "VectorPairs":
+    def scatter(self, rows: IntArray, epochs: int) -> "VectorPairs":
         """Return the pairs at some rows of so many epochs, none at the others."""
         v_n, v_b = np.full((2, epochs, *self.v_n.shape[1:]), np.nan)
         weight = np.zeros((epochs, len(self.sources)))
@@ -76,22 +69,14 @@ class VectorPairs:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class VectorAttitude:
-    """Attitude that vector pairs determine, and how far they do.
+    """Attitude that vector pairs determine, and how far they do."""
 
-    Attributes
-    ----------
-    R_nb : ndarray, shape (n, 3, 3)
-        Rotations; NaN where an epoch has no vector at all.
-    rank : ndarray of int, shape (n,)
-        2 where the attitude is determined, 1 where all vectors are collinear and the rotation about
-        them is a convention, 0 without vectors.
-    open_axis_b : ndarray, shape (n, 3)
-        Unit vector of that undetermined rotation where the rank is 1, else NaN.
-    """
-
-    R_nb: FloatArray
-    rank: IntArray
-    open_axis_b: FloatArray
+    R_nb: FloatArray  # (n, 3, 3): rotations; NaN where an epoch has no vector at all
+    # 2 where the attitude is determined, 1 where all vectors are collinear and the rotation about
+    # them is a convention, 0 without vectors.
+    rank: IntArray  # (n,)
+    # Unit vector of that undetermined rotation where the rank is 1, else NaN.
+    open_axis_b: FloatArray  # (n, 3)
 
     def with_open_axis(self, covariance_rad2: FloatArray) -> FloatArray:
         """Return a covariance, (n, 3, 3), about open axes that of a uniform angle."""

@@ -146,7 +146,7 @@ def _by_motion(flight: Flight, one: BodyBaseline, track: Track) -> _Turn | None:
         if motion.begun_s[k] < end_s or not inside.any():
             continue
         end_s = motion.until_s[k]
-        v_n = motion.R_nu[k] @ motion.own.at(one.of.t_s[inside]) @ one.vector_b_m
+        v_n = motion.R_nu[k] @ motion.rotation.at(one.of.t_s[inside]) @ one.vector_b_m
         turn = np.exp(1j * (one.of.heading_rad[inside] - np.arctan2(v_n[:, 1], v_n[:, 0])))
         means.append(turn.mean())
         sigmas.append(motion.sigma_rad[k])

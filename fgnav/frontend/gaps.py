@@ -26,21 +26,12 @@ _LISTED = 5  # gaps of a kind that are listed one by one
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Bridged:
-    """An inertial record without gaps.
+    """An inertial record without gaps."""
 
-    Attributes
-    ----------
-    imu : Imu
-        Straight lines across the gaps.
-    inflated : Imu
-        The same, its noise that of not knowing: the record's own spread, held for two seconds.
-    gaps_s : ndarray, shape (g, 2)
-        Last sample before and first after each gap.
-    """
-
-    imu: Imu
+    imu: Imu  # straight lines across the gaps
+    # The same, its noise that of not knowing: the record's own spread, held for two seconds.
     inflated: Imu
-    gaps_s: FloatArray
+    gaps_s: FloatArray  # (g, 2): last sample before and first after each gap
 
     def overlaps(self, t_s: FloatArray) -> BoolArray:
         """Return the keyframes, (n,), from which the way to the next touches a gap."""

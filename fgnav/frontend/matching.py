@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
 
 SAME_S = 1e-4  # measurements this close to a keyframe are of that keyframe
 
@@ -18,5 +18,4 @@ def nearest(have_s: FloatArray, want_s: FloatArray) -> tuple[IntArray, BoolArray
 
 def unused(what: str, count: int, matched: BoolArray) -> tuple[Loss, ...]:
     """Return the loss of measurements, ``count`` of them, that are at no keyframe."""
-    unmatched = count - int(matched.sum())
-    return (Loss(what=what, reason="not at a keyframe", count=unmatched),) if unmatched else ()
+    return losses_of({(what, "not at a keyframe"): count - int(matched.sum())})

@@ -57,7 +57,11 @@ def motion_of(
         )
         return motion, None, ()
     poles, variance, notes = _rate_priors(stage, settings)
-    predictions = _by_attitudes(stage.start, (poles, variance), causal=stage.causal)
+    start = stage.start  # attitudes of axes that do not spin: up to each, and from there on
+    of = (start.t_s, start.R_nu, start.covariance_rad2, start.valid, (poles, variance))
+    predictions: tuple[Turning, ...] = (
+        (filtered(*of, past=_FIRST),) if stage.causal else (filtered(*of), filtered_back(*of))
+    )
     lost = holed | _is_direction_unknown(stage, predictions)
     motion = GyroFree(
         t_s=track.t_s,
@@ -76,23 +80,13 @@ def motion_of(
     return motion, _in_body(turning, stage.start), notes
 
 
-def _by_attitudes(
-    start: Alignment, prior: tuple[FloatArray, FloatArray], *, causal: bool
-) -> tuple[Turning, ...]:
-    """Return how attitudes turn of axes that do not spin: up to each, and from there on."""
-    of = (start.t_s, start.R_nu, start.covariance_rad2, start.valid, prior)
-    if causal:
-        return (filtered(*of, past=_FIRST),)
-    return filtered(*of), filtered_back(*of)
-
-
 def _in_body(turning: Turning, start: Alignment) -> Turning:
     """Return the rotations of the body itself, which may spin."""
-    own, t_s = start.own, start.t_s
-    if own is None:
+    rotation, t_s = start.rotation, start.t_s
+    if rotation is None:
         return turning
-    rate = np.einsum("nji,nj->ni", own.at(t_s), turning.rate_b_radps) + own.rates(t_s)
-    return turning._replace(R_nb=spun(own, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
+    rate = np.einsum("nji,nj->ni", rotation.at(t_s), turning.rate_b_radps) + rotation.rates(t_s)
+    return turning._replace(R_nb=spun(rotation, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
 
 
 def _rate_priors(

@@ -12,7 +12,6 @@ from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
-from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
@@ -30,68 +29,33 @@ class Earlier(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class PreparedFlight:
-    """A smoothing problem, and what is reported of it.
-
-    Attributes
-    ----------
-    problem : Problem
-    imu : Imu
-    earth_rate_n_radps : ndarray, shape (3,)
-    epochs : int
-        GNSS epochs of the flight, and times between them that are far apart.
-    integers : Integers or None
-    arcs : tuple of ArcInteger
-        Against a base.
-    losses : tuple of Loss
-    rejections : tuple of Rejected
-    notes : tuple of str
-    timed : TimedMotion
-        How keyframes move, by which clocks and delays show.
-    rough : bool
-        Whether the attitudes that the search starts from assume something.
-    causal : bool
-        Whether each keyframe is to be known by what came before it alone.
-    windowed : Problem
-        The same for windows: without information about heading by specific force before motion.
-    in_motion : Problem or None
-        As it were if the heading was known: horizontal accelerations are no noise anywhere.
-    opening : Opening or None
-        What a filter is given in its place until the heading is known.
-    implausible : mapping of str to float
-        What was identified of noise and set-up, over the largest plausible value.
-    array : tuple of DoubleDifferences and ndarray, or None
-        Phases of the array, and the ranges of its attitudes, without integers.
-    stretches : tuple of Stretch
-        In place of all this, of a causal method whose noise is identified as the flight goes on.
-    attitude_inflation_rad2 : ndarray, shape (n, 3, 3), or None
-        Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
-    rest : Rest or None
-        Seconds at rest.
-    goes_on : Earlier or None
-        What keyframes to come need of these.
-    """
+    """A smoothing problem, and what is reported of it."""
 
     problem: Problem
     imu: Imu
-    earth_rate_n_radps: FloatArray
-    epochs: int
+    earth_rate_n_radps: FloatArray  # (3,)
+    epochs: int  # GNSS epochs of the flight, and times between them that are far apart
     integers: Integers | None
     losses: tuple[Loss, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
-    timed: TimedMotion
+    timed: TimedMotion  # how keyframes move, by which clocks and delays show
+    # The same for windows: without information about heading by specific force before motion.
     windowed: Problem
-    rough: bool = False
-    causal: bool = False
-    opening: Opening | None = None
+    rough: bool = False  # whether the attitudes that the search starts from assume something
+    causal: bool = False  # whether each keyframe is to be known by what came before it alone
+    opening: Opening | None = None  # what a filter is given in its place until the heading is known
+    # As it were if the heading was known: horizontal accelerations are no noise anywhere.
     in_motion: Problem | None = None
-    array: tuple[DoubleDifferences, FloatArray] | None = None
+    # In place of all this, of a causal method whose noise is identified as the flight goes on.
     stretches: "tuple[Stretch, ...]" = ()
+    # What was identified of noise and set-up, over the largest plausible value.
     implausible: Mapping[str, float] = field(default_factory=dict)
-    attitude_inflation_rad2: FloatArray | None = None
-    rest: Rest | None = None
-    goes_on: Earlier | None = None
-    arcs: tuple[ArcInteger, ...] = ()
+    # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
+    attitude_inflation_rad2: FloatArray | None = None  # (n, 3, 3)
+    rest: Rest | None = None  # seconds at rest
+    goes_on: Earlier | None = None  # what keyframes to come need of these
+    arcs: tuple[ArcInteger, ...] = ()  # against a base
 
     @property
     def revised_s(self) -> FloatArray:

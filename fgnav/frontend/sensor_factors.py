@@ -33,48 +33,22 @@ from fgnav.graph.types.sensor import Sensor
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Recorded:
-    """What n keyframes measured.
+    """What n keyframes measured."""
 
-    Attributes
-    ----------
-    array : RotationQuadratic or None
-        Of the array's phases.
-    array_valid : ndarray of bool, shape (n,)
-        Keyframes whose phases take part.
-    multipath : Multipath or None
-        What of their errors stays.
-    float_stretch : ndarray of int, shape (n,)
-        Stretch of epochs without integers that a keyframe is in, or -1.
-    shape : BaselineForm or None
-        Where antennas are estimated: stands in for ``array`` where it is.
-    antennas : tuple of str
-        The reference first.
-    positions : tuple of VectorSeries
-        Fixes of antennas.
-    velocities : tuple of VectorSeries
-        Of antennas.
-    sensed : Sensed
-    gravity_n_mps2 : ndarray, shape (n, 3)
-    measured_b_radps : ndarray, shape (n, 3), or None
-        By a gyroscope.
-    earth_rate_n_radps : ndarray, shape (3,)
-    timed : TimedMotion or None
-        By which measurements of other clocks are carried to keyframes.
-    """
-
-    array: RotationQuadratic | None
-    array_valid: BoolArray
-    float_stretch: IntArray
-    shape: BaselineForm | None
-    antennas: tuple[str, ...]
-    positions: tuple[VectorSeries, ...]
-    velocities: tuple[VectorSeries, ...]
+    array: RotationQuadratic | None  # of the array's phases
+    array_valid: BoolArray  # (n,): keyframes whose phases take part
+    float_stretch: IntArray  # (n,): stretch of epochs without integers that a keyframe is in, or -1
+    shape: BaselineForm | None  # where antennas are estimated: stands in for ``array`` where it is
+    antennas: tuple[str, ...]  # the reference first
+    positions: tuple[VectorSeries, ...]  # fixes of antennas
+    velocities: tuple[VectorSeries, ...]  # of antennas
     sensed: Sensed
-    gravity_n_mps2: FloatArray
-    measured_b_radps: FloatArray | None
-    earth_rate_n_radps: FloatArray
+    gravity_n_mps2: FloatArray  # (n, 3)
+    measured_b_radps: FloatArray | None  # (n, 3): by a gyroscope
+    earth_rate_n_radps: FloatArray  # (3,)
+    # By which measurements of other clocks are carried to keyframes.
     timed: TimedMotion | None = None
-    multipath: Multipath | None = None
+    multipath: Multipath | None = None  # what of their errors stays
 
 
 def sensors_of(recorded: Recorded, constants: Constants) -> tuple[Sensor, ...]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.attitude.imu_rotation import imu_rotation, spun
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError, losses_of
 from fgnav.frontend.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.frontend.attitude.alignment import of_arrays, without_array
 from fgnav.frontend.attitude.epochs import Alignment, at_keyframes
@@ -118,7 +118,7 @@ def aligned(
     start, count, losses = chosen_keyframes(record.imu, epochs, measured_times_s(flight))
     losses = (*faulty, *losses)
     start, float_arcs = _float_arcs(start, settings, requested)
-    rates = rough_rates(record.imu, start.t_s, start.R_nb, start.own)
+    rates = rough_rates(record.imu, start.t_s, start.R_nb, start.rotation)
     return Aligned(record, down, start, float_arcs, rates, count, losses, by)
 
 
@@ -146,14 +146,16 @@ def chosen_keyframes(
         R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
         turn_rad = np.linalg.norm(log(transpose(R_nu[:-1]) @ R_nu[1:]), axis=1)
         turn_rad[~(epochs.valid[1:] & epochs.valid[:-1])] = np.nan
-        if epochs.own is not None:
-            spin_radps = np.linalg.norm(epochs.own.rates(epochs.t_s), axis=1)
+        if epochs.rotation is not None:
+            spin_radps = np.linalg.norm(epochs.rotation.rates(epochs.t_s), axis=1)
             turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
     usual_s = None if earlier is None else earlier.step_s
     times_s = keyframe_times(
         epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
     )
-    times_s = _from_first_epoch(_with_times(times_s, also_s), epochs.t_s, float(imu.t_s[0]))
+    new_s = also_s[~nearest(times_s, also_s)[1]]
+    times_s = np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
+    times_s = _from_first_epoch(times_s, epochs.t_s, float(imu.t_s[0]))
     start = at_keyframes(epochs, times_s)
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
@@ -172,19 +174,12 @@ def chosen_keyframes(
     if len(start.t_s) < 2:
         why = reason_without_attitude(imu, start, covered[covered & ~early])
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
-    if carries and start.own is None:
+    if carries and start.rotation is None:
         first_s = float(start.t_s[start.valid.argmax()])
-        start = replace(start, own=imu_rotation(imu), heading_from_s=first_s)
+        start = replace(start, rotation=imu_rotation(imu), heading_from_s=first_s)
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
-    return replace(start, R_nb=spun(start.own, start.t_s, R_nu)), len(t_s), losses
-
-
-def _with_times(times_s: FloatArray, also_s: FloatArray) -> FloatArray:
-    """Return times, (n,), and others that are none of them, each once."""
-    _, same = nearest(times_s, also_s)
-    new_s = also_s[~same]
-    return np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
+    return replace(start, R_nb=spun(start.rotation, start.t_s, R_nu)), len(t_s), losses
 
 
 def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:
@@ -218,7 +213,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         If there is no position.
     """
     record, start, causal = stage.record, stage.start, stage.causal
-    t_s, own = start.t_s, start.own
+    t_s, rotation = start.t_s, start.rotation
     antenna = antenna_motion(flight, record.imu, start, stage.by)
     position = antenna.position
     if position is None or not position.valid.any():
@@ -234,7 +229,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         R_nb=start.R_nb,
         R_nu=start.R_nb if causal else start.R_nu,
         w_b_radps=stage.rates,
-        imu=record.imu if causal or own is None else own.forces(record.imu),
+        imu=record.imu if causal or rotation is None else rotation.forces(record.imu),
         gravity_n_mps2=gravity_n_mps2,
         untested=untested,
         attitude_sigma_rad=stage.carried_sigma_rad,
@@ -293,11 +288,7 @@ def kept(
         ("epoch", "before the first attitude"): early,
         ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
     }
-    losses = tuple(
-        Loss(what=what, reason=reason, count=int(lost.sum()))
-        for (what, reason), lost in reasons.items()
-        if lost.any()
-    )
+    losses = losses_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
     return start[np.flatnonzero(covered & ~early)], losses
 
 

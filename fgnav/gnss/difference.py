@@ -4,7 +4,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, losses_of
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
 from fgnav.types.differences import DoubleDifferences
@@ -59,7 +59,6 @@ def differenced(
     for reason, links in lost_of.items():
         for name, count in zip(names[1:], links.sum(axis=(0, 2)), strict=True):
             lost[f"{name} link", reason] += int(count)
-    losses = [Loss(what=w, reason=r, count=c) for (w, r), c in lost.items() if c]
     return DoubleDifferences(
         t_s=single.t_s,
         baselines_b_m=single.baselines_b_m,
@@ -75,7 +74,7 @@ def differenced(
         code_variance_m2=np.where(used, single.code_variance_m2, 1.0),
         phase_variance_m2=np.where(used, single.phase_variance_m2, 1.0),
         arc=_double_arcs(arcs.arc, of_reference, np.isfinite(phase_m)),
-        losses=(*single.unused, *losses, *arcs.losses),
+        losses=(*single.unused, *losses_of(lost), *arcs.losses),
     )
 
 

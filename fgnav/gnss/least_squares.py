@@ -11,34 +11,18 @@ FALSE_ALARM = 1e-4  # of the chi-square test of one epoch
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Fits:
-    """Solutions of n problems of p unknowns and m measurements.
+    """Solutions of n problems of p unknowns and m measurements."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n, p)
-        NaN where unsolved, or where no measurement speaks of an unknown.
-    covariance : ndarray, shape (n, p, p)
-        Of ``x`` by the stated variances; rows of unknowns nothing speaks of are those of identity.
-    gain : ndarray, shape (n, p, m)
-        ``x = gain @ y``.
-    residual : ndarray, shape (n, m)
-        0 where not used.
-    freedom : ndarray of int, shape (n,)
-        Measurements minus unknowns.
-    solved, consistent : ndarray of bool, shape (n,)
-        Measurements suffice; and their residuals pass the chi-square test, if any is spare.
-    worst : ndarray of int, shape (n,)
-        Sensor with the largest residual over its own standard deviation.
-    """
-
-    x: FloatArray
-    covariance: FloatArray
-    gain: FloatArray
-    residual: FloatArray
-    freedom: IntArray
-    solved: BoolArray
-    consistent: BoolArray
-    worst: IntArray
+    x: FloatArray  # (n, p): NaN where unsolved, or where no measurement speaks of an unknown
+    # Of ``x`` by the stated variances; rows of unknowns nothing speaks of are those of identity.
+    covariance: FloatArray  # (n, p, p)
+    gain: FloatArray  # (n, p, m): ``x = gain @ y``
+    residual: FloatArray  # (n, m): 0 where not used
+    freedom: IntArray  # (n,): measurements minus unknowns
+    # Measurements suffice; and their residuals pass the chi-square test, if any is spare.
+    solved: BoolArray  # (n,)
+    consistent: BoolArray  # (n,)
+    worst: IntArray  # (n,): sensor with the largest residual over its own standard deviation
 
 
 def fit(A: FloatArray, y: FloatArray, variance: FloatArray, use: BoolArray) -> Fits:

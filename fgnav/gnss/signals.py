@@ -92,23 +92,15 @@ class Selection:
 
     Two receivers may track one carrier through different components: Galileo E1 as 1C (pilot) by
     one, as 1X (both) by the other. RINEX 3 aligns the phases of one carrier: they form integers.
-
-    Attributes
-    ----------
-    satellites, signals : tuple of str, length m
-        The signal is that of the first antenna that has the channel.
-    channel : ndarray of int, shape (a, m)
-        Column of the observations that holds it; -1 where an antenna never tracks the band.
-    losses : tuple of Loss
-        Observations of signals that are not used.
-    chosen : dict
-        Signal that each antenna uses, or None, by constellation's letter and band.
     """
 
+    # The signal is that of the first antenna that has the channel.
     satellites: tuple[str, ...]
     signals: tuple[str, ...]
-    channel: IntArray
-    losses: tuple[Loss, ...]
+    # Column of the observations that holds it; -1 where an antenna never tracks the band.
+    channel: IntArray  # (a, m)
+    losses: tuple[Loss, ...]  # observations of signals that are not used
+    # Signal that each antenna uses, or None, by constellation's letter and band.
     chosen: dict[tuple[str, str], tuple[str | None, ...]]
 
 

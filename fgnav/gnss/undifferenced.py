@@ -91,9 +91,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     p_e_m, v_e_mps = motion_so_far(flight, observations.t_s)
     late_s = _late_s(flight, observations)
     received_e_m = p_e_m + v_e_mps * late_s[:, None]
-    modelled = atmosphere_so_far(
-        flight, observations, code_channels(observations, 0, causal=True), 0
-    )
+    modelled = atmosphere_so_far(flight, observations, code_channels(observations, 0, causal=True))
     rows = np.arange(len(observations.t_s))
     ours = residuals(flight, observations, channels, rows, received_e_m, modelled)
     noise = flight.gnss_noise

@@ -78,21 +78,12 @@ def residuals(
     modelled : ndarray of bool, shape (n,)
         Whether models of the atmosphere are applied.
     """
-    blocks = [
-        _block(flight, observations, channels, rows[k], p_e_m[k], modelled[k])
-        for k in np.array_split(np.arange(len(rows)), -(-len(rows) // BLOCK))
-    ]
-    return Residuals._make(map(np.concatenate, zip(*blocks, strict=True)))
-
-
-def _block(
-    flight: Flight,
-    observations: Observations,
-    channels: CodeChannels,
-    rows: IntArray,
-    p_e_m: FloatArray,
-    modelled: BoolArray,
-) -> Residuals:
+    if len(rows) > BLOCK:
+        blocks = [
+            residuals(flight, observations, channels, rows[k], p_e_m[k], modelled[k])
+            for k in np.array_split(np.arange(len(rows)), -(-len(rows) // BLOCK))
+        ]
+        return Residuals._make(map(np.concatenate, zip(*blocks, strict=True)))
     ranges = code_ranges(flight, observations, channels, 0, rows, rates=False)
     here = np.asarray(np.isfinite(p_e_m).all(axis=1))
     p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)

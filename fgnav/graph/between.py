@@ -29,21 +29,8 @@ def regular_times(problem: Problem, rate_hz: float) -> FloatArray:
     return np.asarray(np.arange(first, last + 1) / rate_hz)
 
 
-def with_times(problem: Problem, t_s: FloatArray) -> tuple[Problem, IntArray]:
-    """Return a problem with more keyframes, and what has become of which.
-
-    Parameters
-    ----------
-    problem : Problem
-    t_s : ndarray, shape (m,)
-        Times that become keyframes, where none is there.
-
-    Returns
-    -------
-    problem : Problem
-        Of n keyframes.
-    rows : ndarray of int, shape (m,)
-        The keyframes that the times have become.
+def with_times(problem: Problem, t_s: FloatArray) -> Problem:
+    """Return a problem with times, (m,), as keyframes where none is there.
 
     Raises
     ------
@@ -58,12 +45,12 @@ def with_times(problem: Problem, t_s: FloatArray) -> tuple[Problem, IntArray]:
             f"t_s: must lie within the keyframes, {have[0]:.3f} to {have[-1]:.3f}, "
             f"got {wanted[0]:.3f} to {wanted[-1]:.3f}"
         )
-    new = wanted[np.abs(wanted - have[_nearest(have, wanted)]) > _SAME_S]
+    new = wanted[np.abs(wanted - have[nearest_keyframes(have, wanted)]) > _SAME_S]
     dense_s = np.union1d(have, new)
     row = np.searchsorted(dense_s, have)
     attitude_known = np.zeros(len(dense_s), dtype=np.bool_)
     attitude_known[row] = problem.attitude_known
-    dense = replace(
+    return replace(
         problem,
         t_s=dense_s,
         start=_interpolated(problem, dense_s),
@@ -72,7 +59,6 @@ def with_times(problem: Problem, t_s: FloatArray) -> tuple[Problem, IntArray]:
         attitude_known=attitude_known,
         phase=problem.phase and problem.phase.on(row[problem.phase.row]),
     )
-    return dense, _nearest(dense_s, wanted)
 
 
 def _interpolated(problem: Problem, t_s: FloatArray) -> States:
@@ -97,6 +83,7 @@ def _interpolated(problem: Problem, t_s: FloatArray) -> States:
     )
 
 
-def _nearest(have_s: FloatArray, want_s: FloatArray) -> IntArray:
+def nearest_keyframes(have_s: FloatArray, want_s: FloatArray) -> IntArray:
+    """Return the keyframe nearest to each time, (m,)."""
     after = np.searchsorted(have_s, want_s).clip(1, len(have_s) - 1)
     return np.asarray(after - (want_s - have_s[after - 1] < have_s[after] - want_s))

@@ -26,19 +26,11 @@ _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Layout:
-    """Which variables a keyframe and the flight have.
-
-    Attributes
-    ----------
-    gyroscope : bool
-    constants : Constants
-    lasting : int
-        Dimensions of the array's lasting error, at the end of the angular motion.
-    """
+    """Which variables a keyframe and the flight have."""
 
     gyroscope: bool
     constants: Constants
-    lasting: int = 0
+    lasting: int = 0  # dimensions of the array's lasting error, at the end of the angular motion
 
     @classmethod
     def of(cls, problem: Problem) -> "Layout":

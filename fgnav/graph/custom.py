@@ -26,19 +26,11 @@ Noise: TypeAlias = ArrayLike | gtsam.noiseModel.Base
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NamedFactor:
-    """A factor of a graph with the name that reports call it by.
-
-    Attributes
-    ----------
-    name : str
-    factor : gtsam.NonlinearFactor
-        What the graph is given.
-    model : ResidualModel or None
-        What it evaluates; None of a factor that ``residual_factor`` did not make.
-    """
+    """A factor of a graph with the name that reports call it by."""
 
     name: str
-    factor: gtsam.NonlinearFactor
+    factor: gtsam.NonlinearFactor  # what the graph is given
+    # What it evaluates; None of a factor that ``residual_factor`` did not make.
     model: ResidualModel | None = None
 
 

@@ -39,32 +39,18 @@ _NO_GYROSCOPE = np.empty((0, 3))
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TimedMotion:
-    """How the body moves at keyframes, by which their states are carried a little in time.
+    """How the body moves at keyframes, by which their states are carried a little in time."""
 
-    Attributes
-    ----------
-    since_s : ndarray, shape (n,)
-        From the time at which the clock's offset holds.
-    force_before_b_mps2, force_after_b_mps2 : ndarray, shape (n, 3)
-        Mean specific forces just before and after each keyframe.
-    led : ndarray of bool, shape (n,)
-        Keyframes before which forces were recorded so long: what is late there can be carried.
-    measured_b_radps : ndarray, shape (n, 3), or None
-        The gyroscope's rates; None: the state's.
-    slope_b_radps2 : ndarray, shape (n, 3), or None
-        How those rates change; None: as the state's do.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-    earth_rate_n_radps : ndarray, shape (3,)
-    """
-
-    since_s: FloatArray
-    force_before_b_mps2: FloatArray
-    force_after_b_mps2: FloatArray
-    led: BoolArray
-    measured_b_radps: FloatArray | None
-    slope_b_radps2: FloatArray | None
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
+    since_s: FloatArray  # (n,): from the time at which the clock's offset holds
+    # Mean specific forces just before and after each keyframe.
+    force_before_b_mps2: FloatArray  # (n, 3)
+    force_after_b_mps2: FloatArray  # (n, 3)
+    # Keyframes before which forces were recorded so long: what is late there can be carried.
+    led: BoolArray  # (n,)
+    measured_b_radps: FloatArray | None  # (n, 3): the gyroscope's rates; None: the state's
+    slope_b_radps2: FloatArray | None  # (n, 3): how those rates change; None: as the state's do
+    gravity_n_mps2: FloatArray  # (n, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
 
     def __post_init__(self) -> None:
         """Make the arrays as the kernel is compiled for."""
@@ -98,20 +84,11 @@ class TimedMotion:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Delayed(WrappedSensor):
-    """Measurements of other times than their keyframes'.
+    """Measurements of other times than their keyframes'."""
 
-    Attributes
-    ----------
-    measurement : Sensor
-    motion : TimedMotion
-        At the keyframes of the k measurements.
-    offset_column, rate_column, delay_column : int
-        Of the unit's clock, s and parts per million, and of the measurement's delay, s; -1 of what
-        is not estimated.
-    constants : Constants
-    """
-
-    motion: TimedMotion
+    motion: TimedMotion  # at the keyframes of the k measurements
+    # Of the unit's clock, s and parts per million, and of the measurement's delay, s; -1 of what is
+    # not estimated.
     offset_column: int
     rate_column: int
     delay_column: int

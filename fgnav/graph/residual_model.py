@@ -34,32 +34,18 @@ _READERS = (  # in the order in which they are tried; gtsam.Values has none for 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ResidualModel:
-    """A residual of variables, and its Jacobians, evaluated with every shape checked.
-
-    Attributes
-    ----------
-    name : str
-    keys : tuple of int
-    residual : callable
-    jacobian : callable or None
-        None: central differences along each variable's own tangent.
-    rows : int
-        m, of the residual.
-    failures : list of BadInputError
-        The first one since ``raise_pending``; filled while GTSAM evaluates.
-    readers : dict of int to str
-        How each variable was read last: a reader of another type costs an exception.
-    sizes : list of int
-        Dimensions of each variable's tangent, once they are known.
-    """
+    """A residual of variables, and its Jacobians, evaluated with every shape checked."""
 
     name: str
     keys: tuple[int, ...]
     residual: Residual
-    jacobian: Jacobian | None
-    rows: int
+    jacobian: Jacobian | None  # none: central differences along each variable's own tangent
+    rows: int  # m, of the residual
+    # The first one since ``raise_pending``; filled while GTSAM evaluates.
     failures: list[BadInputError] = field(default_factory=list)
+    # How each variable was read last: a reader of another type costs an exception.
     readers: dict[int, str] = field(default_factory=dict)
+    # Dimensions of each variable's tangent, once they are known.
     sizes: list[int] = field(default_factory=list)
 
     def variables(self, values: gtsam.Values) -> list[Variable]:

@@ -132,24 +132,16 @@ def _read_state(symbol: int, use: Use, at: States) -> _Read:
         return _read_vector(symbol, at.v_n_mps[0])
     if use == "angular_motion":
         return _read_vector(symbol, at.aux[0])
-    if use == "imu_bias":
-        return _read_bias(symbol, at.aux[0])
-    return _read_pose(symbol, at.R_nb[0], at.p_n_m[0])
+    R_nb, p_n_m, biases = at.R_nb[0], at.p_n_m[0], at.aux[0]
 
+    def read_bias(values: gtsam.Values) -> None:
+        biases[:] = values.atConstantBias(symbol).vector()
 
-def _read_pose(symbol: int, R_nb: FloatArray, p_n_m: FloatArray) -> _Read:
-    def read(values: gtsam.Values) -> None:
+    def read_pose(values: gtsam.Values) -> None:
         matrix = values.atPose3(symbol).matrix()  # a third of rotation's and translation's time
         R_nb[:], p_n_m[:] = matrix[:3, :3], matrix[:3, 3]
 
-    return read
-
-
-def _read_bias(symbol: int, into: FloatArray) -> _Read:
-    def read(values: gtsam.Values) -> None:
-        into[:] = values.atConstantBias(symbol).vector()
-
-    return read
+    return read_bias if use == "imu_bias" else read_pose
 
 
 def _read_vector(symbol: int, into: FloatArray) -> _Read:

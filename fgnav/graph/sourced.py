@@ -14,20 +14,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sourced:
-    """Factors, and what the estimate reports of those that are left out.
-
-    Attributes
-    ----------
-    factors : tuple of gtsam.NonlinearFactor or NamedFactor
-    losses : tuple of Loss
-        Answers that are left out, with the reason.
-    notes : tuple of str
-        What a reader of the result should know, one sentence each.
-    """
+    """Factors, and what the estimate reports of those that are left out."""
 
     factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()
-    losses: tuple[Loss, ...] = ()
-    notes: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()  # answers that are left out, with the reason
+    notes: tuple[str, ...] = ()  # what a reader of the result should know, one sentence each
 
     def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | NamedFactor]":
         """Yield the factors."""

@@ -29,21 +29,12 @@ _DOUBT = 14.0  # of squared w-tests: a link behind by less is the bad one with 1
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Snooped:
-    """A search in which some epochs go without some links.
+    """A search in which some epochs go without some links."""
 
-    Attributes
-    ----------
-    searched : ConstrainedSearch
-        Of all epochs; of those saved, what their remaining links give.
-    left_out : ndarray of bool, shape (n, b + 1, m)
-        Links, those of the reference antenna first, that were left out to save an epoch.
-    unresolved : ndarray of bool, shape (n, b, m)
-        Double differences that the links left out take part in.
-    """
-
-    searched: ConstrainedSearch
-    left_out: BoolArray
-    unresolved: BoolArray
+    searched: ConstrainedSearch  # of all epochs; of those saved, what their remaining links give
+    # Links, those of the reference antenna first, that were left out to save an epoch.
+    left_out: BoolArray  # (n, b + 1, m)
+    unresolved: BoolArray  # (n, b, m): double differences that the links left out take part in
 
 
 @dataclass(frozen=True, eq=False, slots=True)

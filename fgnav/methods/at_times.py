@@ -28,21 +28,12 @@ class AnyTime(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtTimes:
-    """A method's estimates at chosen times instead of its own epochs.
-
-    Attributes
-    ----------
-    name : str
-    method : AnyTime
-    t_s : ndarray, shape (m,), or None
-    rate_hz : float or None
-        One of both.
-    """
+    """A method's estimates at chosen times instead of its own epochs."""
 
     name: str
     method: AnyTime
-    t_s: FloatArray | None = None
-    rate_hz: float | None = None
+    t_s: FloatArray | None = None  # (m,)
+    rate_hz: float | None = None  # one of both
 
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate; raises as ``method.at`` does."""

@@ -24,16 +24,10 @@ _KEYFRAMES = 10  # fewest before motion that determine any noise
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Identification:
-    """What the record up to a time has determined.
-
-    Attributes
-    ----------
-    hyperparameters : Hyperparameters
-    is_open : bool
-        Whether there is no minimum yet about which to identify anything: the heading stays open.
-    """
+    """What the record up to a time has determined."""
 
     hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
+    # Whether there is no minimum yet about which to identify anything: the heading stays open.
     is_open: bool = False
 
     @property

@@ -26,7 +26,7 @@ from fgnav.attitude.vector_pairs import (
     stacked,
     wahba,
 )
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, losses_of
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
@@ -168,7 +168,7 @@ class ClosedForm:
             losses += lost
         t_s = np.unique(np.concatenate(times))
         rows = [np.searchsorted(t_s, part_s) for part_s in times]
-        pairs = stacked([part.at(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
+        pairs = stacked([part.scatter(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
         return _Epochs(t_s, pairs, rows[0]), tuple(losses)
 
     def _weighted(self, pairs: VectorPairs) -> VectorPairs:
@@ -271,7 +271,6 @@ def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, .
 
 def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:
     """Return the loss of epochs that are not kept; raise if none is."""
-    count = int((~keep).sum())
     if not keep.any():
-        raise NoSolutionError(f"attitude: {reason} at any of {count} epochs")
-    return (Loss(what="epoch", reason=reason, count=count),) if count else ()
+        raise NoSolutionError(f"attitude: {reason} at any of {len(keep)} epochs")
+    return losses_of({("epoch", reason): int((~keep).sum())})

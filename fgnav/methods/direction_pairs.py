@@ -39,8 +39,8 @@ def direction_pairs(
         has_gravity |= pair.valid[:, 0]
         losses += lost
     imu = None if gravity is None else flight.imu
-    own = None if imu is None else imu_rotation(imu)
-    measured, lost = measured_vectors(replace(flight, imu=imu), track, own)
+    rotation = None if imu is None else imu_rotation(imu)
+    measured, lost = measured_vectors(replace(flight, imu=imu), track, rotation)
     is_force = np.array([source == "specific force" for source in measured.sources], dtype=np.bool_)
     parts.append(measured.where(~(has_gravity[:, None] & is_force)))
     return stacked(parts), (*losses, *lost)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from fgnav.attitude.array import agreeing
 from fgnav.attitude.baselines import body_motion
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import Loss, NoSolutionError, positive
+from fgnav.checks import NoSolutionError, losses_of, positive
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.estimate import Estimate
@@ -47,17 +47,14 @@ class MaximumLikelihood:
         differences, integers = resolve(flight, self.resolver)
         stated = RotationQuadratic.of_double_differences(differences, integers)
         _, solution, noise_notes = agreeing(stated)
-        consistent = solution.consistent(self.false_alarm)
-        keep = solution.solved & consistent
-        losses = [
-            Loss(what="epoch", reason=reason, count=int(lost.sum()))
-            for reason, lost in {
-                "fixed differences do not determine the attitude": ~solution.solved,
-                "residuals of the fixed array fail the chi-square test": solution.solved
-                & ~consistent,
-            }.items()
-            if lost.any()
-        ]
+        keep = solution.solved & solution.consistent(self.false_alarm)
+        undetermined, failed = int((~solution.solved).sum()), int((solution.solved & ~keep).sum())
+        losses = losses_of(
+            {
+                ("epoch", "fixed differences do not determine the attitude"): undetermined,
+                ("epoch", "residuals of the fixed array fail the chi-square test"): failed,
+            }
+        )
         if not keep.any():
             reasons = "; ".join(f"{loss.reason} ({loss.count})" for loss in losses)
             raise NoSolutionError(f"attitude: no epoch has an answer: {reasons}")

@@ -16,10 +16,10 @@ from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import Problem
 from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
+from fgnav.methods.smoothing.concatenation import concatenate_estimates
 from fgnav.methods.smoothing.estimates import stated_at
-from fgnav.methods.smoothing.joined import joined_estimates
 from fgnav.methods.streaming.going_on import GoingOn, going_on
-from fgnav.methods.streaming.recording import epochs_s, joined, pieces
+from fgnav.methods.streaming.recording import concatenate_flights, epochs_s, pieces
 from fgnav.solve.sliding.departed import joined_solution, with_open_heading
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
@@ -122,7 +122,7 @@ class ObservationStream:
         if not self._spans:
             self._spans.append(_Span(-np.inf, self._identified, GoingOn(piece)))
         else:
-            grown = [joined(span.record.flight, piece) for span in self._spans]
+            grown = [concatenate_flights(span.record.flight, piece) for span in self._spans]
             for span, flight in zip(self._spans, grown, strict=True):
                 span.record = span.record._replace(flight=flight)
         if self._method.noise == "identified":
@@ -150,7 +150,7 @@ class ObservationStream:
         if not parts:
             return Estimate(method=name, t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
         count = sum(len(part.t_s) for part in parts)
-        return joined_estimates(parts, count, count)
+        return concatenate_estimates(parts, count, count)
 
     def _due(self, until_s: float) -> list[_Keyframe]:
         """Return the keyframes up to a time that have not been returned."""
@@ -209,7 +209,7 @@ class ObservationStream:
 
     def _whole(self) -> Flight:
         """Return all that has come."""
-        flight = joined(*self._pieces)
+        flight = concatenate_flights(*self._pieces)
         self._pieces = [flight]
         return flight
 

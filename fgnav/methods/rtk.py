@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, weighted_baselines
 from fgnav.attitude.vector_pairs import collinear, sensitivity, wahba
-from fgnav.checks import BadInputError, Loss, NoSolutionError
+from fgnav.checks import BadInputError, NoSolutionError, losses_of
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.estimate import Estimate
@@ -64,13 +64,10 @@ class Rtk:
         covariance = attitude.with_open_axis(baselines.attitude_covariance_rad2(S))
         line = collinear(differences.baselines_b_m)
         keep = attitude.rank == (1 if line else 2)
-        lost = Loss(
-            what="epoch",
-            reason="no baseline is fixed" if line else "no two baselines out of line are fixed",
-            count=int((~keep).sum()),
-        )
+        reason = "no baseline is fixed" if line else "no two baselines out of line are fixed"
         if not keep.any():
-            raise NoSolutionError(f"attitude: {lost.reason} at any of {lost.count} epochs")
+            raise NoSolutionError(f"attitude: {reason} at any of {len(keep)} epochs")
+        lost = losses_of({("epoch", reason): int((~keep).sum())})
         t_s, R_nb = differences.t_s[keep], attitude.R_nb[keep]
         motion = body_motion(flight, t_s, R_nb)
         return Estimate(
@@ -85,6 +82,6 @@ class Rtk:
             velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=(axis_name(differences.baselines_b_m),) if line else (),
             integers=integers,
-            losses=(*differences.losses, *integers.losses, *([lost] if lost.count else [])),
+            losses=(*differences.losses, *integers.losses, *lost),
             notes=(_INTEGERS, *motion.notes),
         )

@@ -16,7 +16,7 @@ from fgnav.frontend.prepared import PreparedFlight, by_integers
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
-from fgnav.graph.between import regular_times, with_times
+from fgnav.graph.between import nearest_keyframes, regular_times, with_times
 from fgnav.graph.innovations import InnovationSeries, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
@@ -24,12 +24,12 @@ from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
 from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.graph_summary import graph_summary
-from fgnav.methods.smoothing.joined import among, joined_estimates
-from fgnav.methods.smoothing.solving import at_once, by_newest, by_window, without_attitudes
+from fgnav.methods.smoothing.solving import at_once, by_window, without_attitudes
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.types.estimate import Estimate
@@ -151,24 +151,11 @@ class Smoother:
             for one in prepared.stretches
             if (within := one.answers(t_s)).any()
         ]
-        return joined_estimates(parts, len(t_s), len(t_s))
+        return concatenate_estimates(parts, len(t_s), len(t_s))
 
     def _at(self, flight: Flight, prepared: PreparedFlight, t_s: FloatArray) -> Estimate:
-        problem, rows = with_times(prepared.problem, t_s)
-        opening = prepared.opening
-        if opening is not None:
-            opening = replace(opening, problem=with_times(opening.problem, t_s)[0])
-        in_motion = prepared.in_motion
-        if in_motion is not None:
-            in_motion = with_times(in_motion, t_s)[0]
-        dense = replace(
-            prepared,
-            problem=problem,
-            in_motion=in_motion,
-            windowed=with_times(prepared.windowed, t_s)[0],
-            opening=opening,
-        )
-        return self._estimated(flight, dense, rows)
+        dense = prepared.changed(lambda problem: with_times(problem, t_s))
+        return self._estimated(flight, dense, nearest_keyframes(dense.problem.t_s, t_s))
 
     @property
     def preparation(self) -> ProblemSettings:
@@ -228,10 +215,9 @@ class Smoother:
         estimate = self._estimated(flight, prepared)
         if self.noise == "stated" or self.factors or flight.networks:
             return estimate
-        return without_contradictions(flight, estimate, self._again)
-
-    def _again(self, flight: Flight) -> Estimate:
-        return self._estimated(flight, self._prepared(flight))
+        return without_contradictions(
+            flight, estimate, lambda one: self._estimated(one, self._prepared(one))
+        )
 
     def _estimated_so_far(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate each stretch of a flight by what was known when it began."""
@@ -243,7 +229,7 @@ class Smoother:
             due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
             estimate = self._estimated(one.flight, one.prepared)
             parts.append(among(estimate, one.from_s, one.until_s))
-        return joined_estimates(parts, max(one.epochs for one in parts), due)
+        return concatenate_estimates(parts, max(one.epochs for one in parts), due)
 
     @property
     def _waits_s(self) -> float:
@@ -327,7 +313,10 @@ class Forward(Smoother):
         return 0.0
 
     def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
-        return by_newest(prepared, custom, self.lag_s)
+        from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
+
+        opening = prepared.opening
+        return solve_forward(prepared.windowed, self.lag_s, custom=custom, opening=opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

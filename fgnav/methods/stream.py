@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, FloatArray, Loss, losses_of
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import Problem
@@ -253,7 +253,7 @@ class Stream:
 
     def _lost(self) -> tuple[Loss, ...]:
         """Return what sources have left out since keyframes left last."""
-        lost = tuple(Loss(what=w, reason=r, count=n) for (w, r), n in self._losses.items())
+        lost = losses_of(self._losses)
         self._losses.clear()
         return lost
 

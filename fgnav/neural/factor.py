@@ -1,12 +1,13 @@
 """A network as a source of factors: windows that end at keyframes, outputs, their correlation."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, losses_of, positive
 from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import NamedFactor
 from fgnav.graph.keys import Timeline
@@ -16,7 +17,7 @@ from fgnav.gravity import GravityDirection
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
-from fgnav.neural.records import Record, check_rate, joined, of_flight, of_measurements
+from fgnav.neural.records import Record, check_rate, concatenate_records, of_flight, of_measurements
 from fgnav.neural.windows import Windows, windows
 from fgnav.types.flight import Flight
 
@@ -75,7 +76,8 @@ class NeuralFactor:
 
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
         """Return how to make another in a process of its own."""
-        return _reconstructed, (self._path, self._given, self._interval_s)
+        again = partial(NeuralFactor, records=self._given, interval_s=self._interval_s)
+        return again, (self._path,)
 
     @property
     def name(self) -> str:
@@ -114,7 +116,7 @@ class NeuralFactor:
     def add(self, sensor: str, record: Record) -> None:
         """Take samples of a sensor that a stream's measurements do not have, as they come."""
         self._check(sensor, record)
-        self._given = joined(self._given, {sensor: record})
+        self._given = concatenate_records(self._given, {sensor: record})
 
     def __call__(self, flight: Any, timeline: Timeline) -> Sourced:  # noqa: ANN401  # or Measurements
         """Return the factors of a flight's keyframes, or of a stream's newest.
@@ -130,8 +132,9 @@ class NeuralFactor:
             return self._answered(have, timeline, self._notes(flight), flight.name)
         if timeline.new == 0:
             self._so_far, self._last_s = {}, -np.inf
-        self._so_far = joined(self._so_far, of_measurements(flight))
-        kept_s = float(timeline.t_s[-1]) - self._span_s
+        self._so_far = concatenate_records(self._so_far, of_measurements(flight))
+        longest_s = max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
+        kept_s = float(timeline.t_s[-1]) - 2 * longest_s
         self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}
         return self._answered({**self._so_far, **self._given}, timeline, ())
 
@@ -151,18 +154,12 @@ class NeuralFactor:
         lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
         inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
         answers = self._network([x[inside] for x in seen.inputs])
-        losses = (Loss(what=f"{self.name} answer", reason=r, count=n) for r, n in lost.items() if n)
         return GravityDirection(
             t_s=t_s[inside],
             g_b=answers.value.reshape(-1, 3),
             covariance=answers.covariance.reshape(-1, 3, 3),
-            losses=tuple(losses),
+            losses=self._losses(lost),
         )
-
-    @property
-    def _span_s(self) -> float:
-        """How long samples are kept, twice the longest window."""
-        return 2 * max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
 
     def _check(self, sensor: str, record: Record) -> None:
         """Raise where a record given beside the flight is not what the network sees."""
@@ -239,9 +236,10 @@ class NeuralFactor:
             for reason, which in seen.lost.items():
                 lost[reason] = lost.get(reason, 0) + int(which.sum())
             factors += self._factors(seen, timeline, rows, lost)
-        what = f"{self.name} answer"
-        losses = tuple(Loss(what=what, reason=r, count=n) for r, n in lost.items() if n)
-        return Sourced(factors=tuple(factors), losses=losses, notes=notes)
+        return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
+
+    def _losses(self, lost: Mapping[str, int]) -> tuple[Loss, ...]:
+        return losses_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
 
     def _factors(
         self, seen: Windows, timeline: Timeline, rows: IntArray, lost: dict[str, int]
@@ -301,9 +299,3 @@ def _beginnings(t_s: np.ndarray, at_s: np.ndarray) -> IntArray:
     """Return the keyframes at times; -1 where there is none."""
     row = np.searchsorted(t_s, at_s - 1e-3).clip(0, len(t_s) - 1)
     return np.where(np.abs(t_s[row] - at_s) < 1e-3, row, -1)
-
-
-def _reconstructed(
-    path: Path, records: Mapping[str, Record], between_s: float | None
-) -> NeuralFactor:
-    return NeuralFactor(path, records=records, interval_s=between_s)

@@ -67,27 +67,9 @@ def _scalar(unit: str) -> Measure:
 
 
 MEASURES: dict[str, Measure] = {
-    "heading": Measure(
-        manifold="S1",
-        units=_ANGLE,
-        frames=("n",),
-        widths=(1, 2),
-        freedom=1,
-    ),
-    "attitude": Measure(
-        manifold="SO3",
-        units=_ANGLE,
-        frames=("n",),
-        widths=(9, 4),
-        freedom=3,
-    ),
-    "direction": Measure(
-        manifold="S2",
-        units=_ANGLE,
-        frames=("b",),
-        widths=(3,),
-        freedom=3,
-    ),
+    "heading": Measure(manifold="S1", units=_ANGLE, frames=("n",), widths=(1, 2), freedom=1),
+    "attitude": Measure(manifold="SO3", units=_ANGLE, frames=("n",), widths=(9, 4), freedom=3),
+    "direction": Measure(manifold="S2", units=_ANGLE, frames=("b",), widths=(3,), freedom=3),
     "velocity": _vector("m/s", "n", "b"),
     "displacement": _vector("m", "n", "b"),
     "speed": _scalar("m/s"),

@@ -104,7 +104,9 @@ def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.s
     return found
 
 
-def joined(first: Mapping[str, Record], then: Mapping[str, Record]) -> dict[str, Record]:
+def concatenate_records(
+    first: Mapping[str, Record], then: Mapping[str, Record]
+) -> dict[str, Record]:
     """Return records that go on."""
     return {
         **first,

@@ -32,29 +32,14 @@ _COLUMNS = {CLOCK: (CLOCK_OFFSET, CLOCK_RATE), LATENCY: (VELOCITY_DELAY,), LEVER
 
 
 class Calibrated(NamedTuple):
-    """One constant of set-up.
+    """One constant of set-up."""
 
-    Attributes
-    ----------
-    kind : {"clock", "velocity-delay", "lever-arm"}
-    value, sigma : ndarray, shape (d,)
-    alone : float
-        Log-likelihood that it gains alone, the others zero.
-    is_significant : bool
-    prior_sigma : float
-        1-sigma before the flight, of the first of its axes.
-    """
-
-    kind: str
-    value: FloatArray
-    sigma: FloatArray
-    alone: float
+    kind: str  # {"clock", "velocity-delay", "lever-arm"}
+    value: FloatArray  # (d,)
+    sigma: FloatArray  # (d,)
+    alone: float  # log-likelihood that it gains alone, the others zero
     is_significant: bool
-    prior_sigma: float
-
-    def gaining(self, before: "Calibrated") -> "Calibrated":
-        """Return the same with the gain that it had before timestamps were moved."""
-        return self._replace(alone=before.alone)
+    prior_sigma: float  # 1-sigma before the flight, of the first of its axes
 
 
 def with_latency_and_lever_arm(

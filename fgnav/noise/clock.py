@@ -39,10 +39,6 @@ class ClockCorrection(NamedTuple):
         """Return True if timestamps change."""
         return any(self)
 
-    def plus(self, offset_s: float, rate_ppm: float) -> "ClockCorrection":
-        """Return a correction by so much more."""
-        return ClockCorrection(self.offset_s + offset_s, self.rate_ppm + rate_ppm)
-
     def at(self, later_s: float) -> "ClockCorrection":
         """Return the same with the offset of a time so much later."""
         return ClockCorrection(self.offset_s + PPM * self.rate_ppm * later_s, self.rate_ppm)
@@ -63,20 +59,12 @@ def middle_of_record_s(imu: Imu) -> float:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ClockedMotion(WrappedMotion):
-    """A motion that depends on two constants of the flight, offset and rate of the unit's clock.
+    """A motion that depends on two constants of the flight, offset and rate of the unit's clock."""
 
-    Attributes
-    ----------
-    early, late : Motion
-        The same motion with timestamps ``_STEP_S`` earlier and later.
-    column : int
-        Of the offset among the constants; the rate follows.
-    middle_s : float
-    """
-
+    # The same motion with timestamps ``_STEP_S`` earlier and later.
     early: Motion
     late: Motion
-    column: int
+    column: int  # of the offset among the constants; the rate follows
     middle_s: float
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:

@@ -69,18 +69,10 @@ class _SensorNoise(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class NoiseComponents:
-    """The noise of a problem by its components.
+    """The noise of a problem by its components."""
 
-    Attributes
-    ----------
-    problem : Problem
-        With the nominal noise.
-    names : tuple of str
-        Of the c components: those of the motion, then those of sensors.
-    """
-
-    problem: Problem
-    names: tuple[str, ...]
+    problem: Problem  # with the nominal noise
+    names: tuple[str, ...]  # of the c components: those of the motion, then those of sensors
     _motion: tuple[str, ...]
     _sensors: tuple[_SensorNoise, ...]
     _standstill: Standstill | None

@@ -14,11 +14,10 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
-from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.sensor import Linearised, Sensor, SensorRows
+from fgnav.graph.types.sensor import Linearised, Sensor
 from fgnav.graph.types.states import States
 
 _KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %
@@ -27,25 +26,19 @@ _VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Subset(SensorRows):
-    """Some of a sensor's measurements, numbered by the keyframes of a decimated problem.
-
-    Attributes
-    ----------
-    measurement : Sensor
-    indices : ndarray of int, shape (k,)
-        Of its rows.
-    """
+class Subset:
+    """Some of a sensor's measurements, numbered by the keyframes of a decimated problem."""
 
     measurement: Sensor
-    indices: IntArray
+    indices: IntArray  # (k,): of its rows
+    row: IntArray  # (k,): keyframes
 
     @classmethod
     def at(cls, measurement: Sensor, keyframes: IntArray) -> "Subset":
         """Return the measurements of some keyframes."""
         indices = np.flatnonzero(np.isin(measurement.row, keyframes))
         row = np.searchsorted(keyframes, measurement.row[indices])
-        return cls(measurement, indices, row=row)
+        return cls(measurement, indices, row)
 
     @property
     def name(self) -> str:
@@ -64,6 +57,10 @@ class Subset(SensorRows):
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""
         return self.measurement.factor(int(self.indices[i]), key)
+
+    def on(self, row: IntArray) -> "Subset":
+        """Return the same measurements at other rows, (k,)."""
+        return replace(self, row=row)
 
 
 def decimated(problem: Problem) -> tuple[Problem, IntArray]:
@@ -122,15 +119,4 @@ def _motion_between(motion: Motion, keyframes: IntArray) -> Motion:
             gyroscope_noise=mean(motion.gyroscope_noise),
             bias_steps=None if motion.bias_steps is None else mean(motion.bias_steps),
         )
-    if not isinstance(motion, GyroFree):
-        return motion.at_times(motion.t_s[keyframes])
-    intervals = keyframes[:-1]
-    return replace(
-        motion,
-        t_s=motion.t_s[keyframes],
-        gravity_n_mps2=motion.gravity_n_mps2[keyframes],
-        poles_per_s=motion.poles_per_s[intervals],
-        variance_rad2ps2=motion.variance_rad2ps2[intervals],
-        accelerometer_noise=motion.accelerometer_noise[intervals],
-        multipath=None if motion.multipath is None else motion.multipath.on(keyframes),
-    )
+    return motion.at_times(motion.t_s[keyframes])

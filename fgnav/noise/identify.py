@@ -46,33 +46,19 @@ _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Hyperparameters:
-    """What a flight has determined of its own noise and times.
+    """What a flight has determined of its own noise and times."""
 
-    Attributes
-    ----------
-    factors : mapping of str to float
-        On nominal standard deviations, by component; those that are as stated are left out.
-    sigmas : mapping of str to float
-        1-sigma of their logarithms.
-    theta : mapping of str to float
-        Logarithms of the factors of all components, at which another search may begin.
-    satellites : mapping of str to float
-        Factors on errors of satellites and on noise of codes.
-    clock : ClockCorrection
-        What is added to the inertial unit's timestamps.
-    middle_s : float
-        When the clock has that offset.
-    calibrated : tuple of Calibrated
-        Clock, latency and lever arm.
-    """
-
+    # On nominal standard deviations, by component; those that are as stated are left out.
     factors: Mapping[str, float] = field(default_factory=dict)
-    sigmas: Mapping[str, float] = field(default_factory=dict)
+    sigmas: Mapping[str, float] = field(default_factory=dict)  # 1-sigma of their logarithms
+    # Logarithms of the factors of all components, at which another search may begin.
     theta: Mapping[str, float] = field(default_factory=dict)
+    # Factors on errors of satellites and on noise of codes.
     satellites: Mapping[str, float] = field(default_factory=dict)
+    # What is added to the inertial unit's timestamps.
     clock: ClockCorrection = field(default_factory=ClockCorrection)
-    middle_s: float = 0.0
-    calibrated: tuple[Calibrated, ...] = ()
+    middle_s: float = 0.0  # when the clock has that offset
+    calibrated: tuple[Calibrated, ...] = ()  # clock, latency and lever arm
 
     @property
     def is_nominal(self) -> bool:
@@ -92,11 +78,11 @@ class Hyperparameters:
         """Return settings that estimate what is not zero, and have the noise at standstill."""
         requests = (*settings.calibration, *self._requests(settings))
         if self.clock:
+            # Where a record goes on a problem states the offset at zero, not mid-record.
+            clock = self.clock.at(-self.middle_s) if settings.causal else self.clock
+            moved = float(clock.offset_s), float(clock.rate_ppm)
             requests = tuple(
-                replace(one, moved=self._moved(causal=settings.causal))
-                if one.kind == CLOCK
-                else one
-                for one in requests
+                replace(one, moved=moved) if one.kind == CLOCK else one for one in requests
             )
         return replace(with_standstill(settings, self.factors), calibration=requests)
 
@@ -113,14 +99,6 @@ class Hyperparameters:
             replace(one, start=float(result[LATENCY].value[0])) if one.kind == LATENCY else one
             for one in requests
         )
-
-    def _moved(self, *, causal: bool) -> tuple[float, float]:
-        """Return the correction at the time for which a problem states the clock's offset.
-
-        That is zero, not the middle of a record, where a record goes on.
-        """
-        clock = self.clock.at(-self.middle_s) if causal else self.clock
-        return float(clock.offset_s), float(clock.rate_ppm)
 
 
 def identified(
@@ -144,7 +122,10 @@ def identified(
     exact = with_exact_timestamps(flight)
     result, last = hyperparameters(exact, settings, build)
     if not result.is_nominal:
-        alike = replace(settings, interval_priors=_rate_prior(last))
+        motion, priors = last.problem.motion, None
+        if isinstance(motion, GyroFree):  # it turns alike whatever its noise
+            priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
+        alike = replace(settings, interval_priors=priors)
         return result, result.prepared(flight, alike, build)
     return result, last if exact is flight else build(flight, settings)
 
@@ -204,7 +185,10 @@ def hyperparameters(
         if not _shows_noise(prepared):
             return Hyperparameters(), prepared
         at = clock.applied(flight, middle_s)
-        satellites = _satellites(at, prepared)
+        phase = prepared.problem.phase  # against a base errors of satellites are other ones
+        satellites: Mapping[str, float] = {}
+        if phase is not None and flight.base is None:
+            satellites = satellite_error_factors(phase)
         posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
@@ -213,7 +197,10 @@ def hyperparameters(
             satellites=satellites,
             clock=clock,
             middle_s=middle_s,
-            calibrated=tuple(one.gaining(first.get(one.kind, one)) for one in now),
+            calibrated=tuple(
+                one._replace(alone=first.get(one.kind, one).alone)  # before timestamps were moved
+                for one in now
+            ),
         )
         theta = result.theta
         step = next((one for one in now if one.kind == CLOCK), None)
@@ -222,7 +209,7 @@ def hyperparameters(
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
-        clock = clock.plus(*step.value.tolist())
+        clock = ClockCorrection._make(np.add(clock, step.value).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
     return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
 
@@ -245,11 +232,6 @@ def _with_total(result: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple
         else one
         for one in result
     )
-
-
-def _satellites(flight: Flight, prepared: PreparedFlight) -> Mapping[str, float]:
-    phase = prepared.problem.phase  # against a base errors of satellites are other ones
-    return {} if phase is None or flight.base is not None else satellite_error_factors(phase)
 
 
 def _posterior(
@@ -289,11 +271,3 @@ def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:
         factors={names[i]: float(np.exp(theta[i])) for i in np.flatnonzero(moved)},
         sigmas={names[i]: float(posterior.sigma[i]) for i in np.flatnonzero(moved)},
     )
-
-
-def _rate_prior(prepared: PreparedFlight) -> IntervalPriors | None:
-    """Return the prior of the rate of the same flight: it turns alike whatever its noise."""
-    motion = prepared.problem.motion
-    if not isinstance(motion, GyroFree):
-        return None
-    return IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)

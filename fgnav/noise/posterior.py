@@ -62,20 +62,12 @@ class Prior(NamedTuple):
 
 
 class NoisePosterior(NamedTuple):
-    """The most probable noise, and the minimum of the problem that has it.
-
-    Attributes
-    ----------
-    components : NoiseComponents
-    theta, sigma : ndarray, shape (c,)
-        Logarithms of factors, and their 1-sigma.
-    problem : Problem
-    minimum : Minimum
-    """
+    """The most probable noise, and the minimum of the problem that has it."""
 
     components: NoiseComponents
-    theta: FloatArray
-    sigma: FloatArray
+    # Logarithms of factors, and their 1-sigma.
+    theta: FloatArray  # (c,)
+    sigma: FloatArray  # (c,)
     problem: Problem
     minimum: Minimum
 

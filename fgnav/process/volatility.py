@@ -62,21 +62,12 @@ _RIDGE = 1e-6  # of the precision, where attitudes tell nothing of an axis
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class VaryingRatePrior:
-    """A prior of the rate whose noise has another scale in each interval.
+    """A prior of the rate whose noise has another scale in each interval."""
 
-    Attributes
-    ----------
-    poles_per_s : ndarray, shape (3, 3)
-        About the body axes; see ``matern``.
-    variance_rad2ps2 : ndarray, shape (n - 1, 3)
-        Of each interval between attitudes, about the body axes.
-    evidence_gain : float
-        Log evidence beyond that of constant variances.
-    """
-
-    poles_per_s: FloatArray
-    variance_rad2ps2: FloatArray
-    evidence_gain: float
+    poles_per_s: FloatArray  # (3, 3): about the body axes; see ``matern``
+    # Of each interval between attitudes, about the body axes.
+    variance_rad2ps2: FloatArray  # (n - 1, 3)
+    evidence_gain: float  # log evidence beyond that of constant variances
 
 
 def varying_rate_prior(

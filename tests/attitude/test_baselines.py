@@ -105,7 +105,6 @@ def test_paper_baselines_are_the_pseudo_inverse_of_equation_29(rng):
             H = e_r - differences.e_n[k, links]
             rho_m = differences.phase_m[k, i, links] - L1_M * integers.cycles[k, i, links]
             np.testing.assert_allclose(answer.b_n_m[k, i], np.linalg.pinv(H) @ rho_m, atol=1e-10)
-            assert answer.differences[k, i] == len(links)
 
 
 def test_weighted_baselines_are_generalised_least_squares_of_the_differences(rng):
@@ -156,7 +155,6 @@ def test_weighted_errors_meet_their_covariance_and_beat_the_paper(rng):
 @pytest.mark.parametrize("solve", [paper_baselines, weighted_baselines])
 def test_two_differences_are_too_few(rng, solve):
     answer = solve(*made(rng, random_rotations(rng, 4), per_group=(3,)))
-    assert (answer.differences == 2).all()
     assert np.isnan(answer.b_n_m).all()
     assert np.isnan(answer.covariance_m2).all()
     assert (answer.gain == 0).all()
@@ -167,7 +165,6 @@ def test_a_group_reduced_to_its_reference_adds_nothing(rng, solve):
     R_nb = random_rotations(rng, 4)
     differences, integers = made(rng, R_nb, per_group=(6, 1))
     answer = solve(differences, integers)
-    assert (answer.differences == 5).all()
     np.testing.assert_array_equal(answer.gain[..., 6], 0)
 
 

@@ -9,6 +9,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.types.flight import Antenna, Flight, Imu, Truth
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
+from tests.imu import imu_of
 
 MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
 PLANE_B_M = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
@@ -39,13 +40,7 @@ def broadcast(satellites=("G01", "G02", "G03", "G04", "E05"), toe_s=0.0) -> Broa
 
 def imu(t_s=None, size_mps2=9.81) -> Imu:
     t_s = np.arange(0, 10, 0.01) if t_s is None else t_s
-    return Imu(
-        t_s=t_s,
-        f_b_mps2=np.tile([0, 0, -size_mps2], (len(t_s), 1)),
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=3e-2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-    )
+    return imu_of(t_s, np.tile([0, 0, -size_mps2], (len(t_s), 1)))
 
 
 def flight(places_b_m=PLANE_B_M, **parts) -> Flight:

@@ -5,6 +5,7 @@ import pytest
 
 from fgnav.diagnostics.contents import instrument_findings, sample_findings
 from fgnav.types.flight import Imu
+from tests.imu import imu_of
 from tests.robustness.faults import right_flights
 
 T_S = np.arange(0, 20, 0.01)
@@ -14,16 +15,10 @@ T_S = np.arange(0, 20, 0.01)
 def imu() -> Imu:
     rng = np.random.default_rng(20_000)
     turn = np.sin(T_S)[:, None] * [0.3, 0.1, 0.05]
-    return Imu(
-        t_s=T_S,
-        f_b_mps2=np.array([0.0, 0.0, -9.8]) + turn + 0.02 * rng.normal(size=(len(T_S), 3)),
-        w_b_radps=np.cos(T_S)[:, None] * [0.3, 0.1, 0.5] + 0.01 * rng.normal(size=(len(T_S), 3)),
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=3e-2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-        gyroscope_noise_radps_per_sqrt_hz=1e-4,
-        gyroscope_bias_radps=1e-3,
-        gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
+    return imu_of(
+        T_S,
+        np.array([0.0, 0.0, -9.8]) + turn + 0.02 * rng.normal(size=(len(T_S), 3)),
+        np.cos(T_S)[:, None] * [0.3, 0.1, 0.5] + 0.01 * rng.normal(size=(len(T_S), 3)),
     )
 
 

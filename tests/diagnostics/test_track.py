@@ -11,8 +11,9 @@ from fgnav.diagnostics import describe
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import from_euler, log
-from fgnav.types.flight import Antenna, Fixes, Flight, Imu
+from fgnav.types.flight import Antenna, Fixes, Flight
 from fgnav.types.vehicle import WheeledVehicle
+from tests.imu import imu_of
 from tests.recordings import drive, quadrotor
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=0.2, height_m=100.0)
@@ -41,16 +42,12 @@ def flown(seed=20_100, span_s=60.0):
         start_gps_s=1e9,
         origin=ORIGIN,
         antennas=(Antenna(name="a1", position_b_m=ARM_B_M),),
-        imu=Imu(
-            t_s=t_s,
-            f_b_mps2=f_b + rng.normal(0, 0.05, 3),
-            w_b_radps=w_b + 0.002 * rng.normal(size=w_b.shape) + rng.normal(0, 0.002, 3),
-            accelerometer_noise_mps2_per_sqrt_hz=2e-3,
-            accelerometer_bias_mps2=5e-2,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-            gyroscope_noise_radps_per_sqrt_hz=2e-4,
-            gyroscope_bias_radps=2e-3,
-            gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
+        imu=imu_of(
+            t_s,
+            f_b + rng.normal(0, 0.05, 3),
+            w_b + 0.002 * rng.normal(size=w_b.shape) + rng.normal(0, 0.002, 3),
+            accelerometer=(2e-3, 5e-2, 1e-4),
+            gyroscope=(2e-4, 2e-3, 1e-6),
         ),
         fixes=(
             Fixes(

@@ -5,32 +5,15 @@ import pytest
 
 from fgnav.diagnostics import describe
 from fgnav.diagnostics.units import G_MPS2, magnetometer_finding, mean_forces, unit_finding
-from fgnav.types.flight import Imu
+from tests.imu import imu_of
 from tests.recordings import uav
 from tests.robustness.drawn.flights import right_flight
 
 T_S = np.arange(0, 60, 0.01)
 
 
-def imu(f_b_mps2, w_b_radps=None) -> Imu:
-    gyroscope = (
-        {}
-        if w_b_radps is None
-        else {
-            "w_b_radps": w_b_radps,
-            "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
-            "gyroscope_bias_radps": 1e-3,
-            "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
-        }
-    )
-    return Imu(
-        t_s=T_S,
-        f_b_mps2=f_b_mps2,
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=3e-2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-        **gyroscope,
-    )
+def imu(f_b_mps2, w_b_radps=None):
+    return imu_of(T_S, f_b_mps2, w_b_radps)
 
 
 def resting(size_mps2=9.81):

@@ -4,7 +4,8 @@ import numpy as np
 
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler, log, transpose
-from fgnav.types.flight import Antenna, Fixes, Flight, Imu, Truth
+from fgnav.types.flight import Antenna, Fixes, Flight, Truth
+from tests.imu import imu_of
 
 ARM_B_M = np.array([0.3, 0.1, -0.5])
 _STEP_S = 0.02
@@ -40,17 +41,7 @@ def standing(seed, stands_s=15.0, span_s=45.0, initial=None):
         start_gps_s=1.3e9,
         origin=origin,
         antennas=(Antenna(name="a1", position_b_m=ARM_B_M),),
-        imu=Imu(
-            t_s=t_s,
-            f_b_mps2=f_b,
-            w_b_radps=w_b,
-            accelerometer_noise_mps2_per_sqrt_hz=0.01,
-            accelerometer_bias_mps2=0.05,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-5,
-            gyroscope_noise_radps_per_sqrt_hz=1e-3,
-            gyroscope_bias_radps=0.005,
-            gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
-        ),
+        imu=imu_of(t_s, f_b, w_b, accelerometer=(0.01, 0.05, 1e-5), gyroscope=(1e-3, 0.005, 1e-6)),
         fixes=(
             Fixes(
                 t_s=t_s[at],

@@ -5,7 +5,8 @@ import numpy as np
 from fgnav.frontend.position.antenna_motion import AntennaMotion
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.geometry.earth import Origin
-from fgnav.types.flight import Antenna, Fixes, Flight, Imu, InitialAttitude, Truth
+from fgnav.types.flight import Antenna, Fixes, Flight, InitialAttitude, Truth
+from tests.imu import imu_of
 
 STEP_S = 0.02
 SIGMA_MPS = 0.05
@@ -37,17 +38,13 @@ def stops(
         start_gps_s=1.3e9,
         origin=origin,
         antennas=(Antenna(name="a1", position_b_m=np.zeros(3)),),
-        imu=Imu(
-            t_s=t_s,
-            f_b_mps2=force + shakes[:, :3],
-            w_b_radps=earth + shakes[:, 3:],
+        imu=imu_of(
+            t_s,
+            force + shakes[:, :3],
+            earth + shakes[:, 3:],
+            accelerometer=(float(loud[0]), 0.1, 1e-4),
+            gyroscope=(float(loud[3]), 1e-3, 1e-6),
             clock_offset_sigma_s=0.0,
-            accelerometer_noise_mps2_per_sqrt_hz=float(loud[0]),
-            accelerometer_bias_mps2=0.1,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-            gyroscope_noise_radps_per_sqrt_hz=float(loud[3]),
-            gyroscope_bias_radps=1e-3,
-            gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
         ),
         fixes=(
             Fixes(

@@ -10,7 +10,7 @@ from fgnav.frontend.faulty_samples import (
     without_stuck_axes,
     without_stuck_so_far,
 )
-from fgnav.types.flight import Imu
+from tests.imu import imu_of
 
 T_S = np.arange(0, 10, 0.01)
 
@@ -19,16 +19,10 @@ T_S = np.arange(0, 10, 0.01)
 def imu():
     rng = np.random.default_rng(31_000)
     turn = np.sin(2 * T_S)[:, None] * [3.0, 1.0, 0.5]
-    return Imu(
-        t_s=T_S,
-        f_b_mps2=np.array([0.0, 0.0, -9.8]) + turn + 0.02 * rng.normal(size=(len(T_S), 3)),
-        w_b_radps=turn + 0.01 * rng.normal(size=(len(T_S), 3)),
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=3e-2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-        gyroscope_noise_radps_per_sqrt_hz=1e-4,
-        gyroscope_bias_radps=1e-3,
-        gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
+    return imu_of(
+        T_S,
+        np.array([0.0, 0.0, -9.8]) + turn + 0.02 * rng.normal(size=(len(T_S), 3)),
+        turn + 0.01 * rng.normal(size=(len(T_S), 3)),
     )
 
 

@@ -27,7 +27,7 @@ def test_motion_tells_the_heading_within_seconds_and_as_well_as_stated(seed, ali
     assert (np.diff(found.until_s) > 0).all()
     order = np.unique(found.middle_s, return_index=True)[1]
     real = truth_at(flight.truth, found.middle_s[order]).R_nb
-    R_nb = (found.R_nu @ found.own.at(found.middle_s))[order]
+    R_nb = (found.R_nu @ found.rotation.at(found.middle_s))[order]
     off_n = np.einsum("nij,nj->ni", R_nb, log(transpose(R_nb) @ real))
     assert np.abs(off_n[:, 2]).max() < 0.15  # half of what half a radian asks for
     assert (
@@ -59,7 +59,7 @@ def test_the_gyroscope_s_bias_is_told_by_one_attitude_over_minutes(seed, bias_ra
     assert found.bias_sigma_radps < 2e-3  # of 5e-3
     assert np.abs(found.bias_b_radps - real).max() < 3 * found.bias_sigma_radps
     attitude = truth_at(flight.truth, found.middle_s[[-1]]).R_nb[0]
-    off = log((found.R_nu[-1] @ found.own.at(found.middle_s[[-1]])[0]).T[None] @ attitude)
+    off = log((found.R_nu[-1] @ found.rotation.at(found.middle_s[[-1]])[0]).T[None] @ attitude)
     assert np.abs(off).max() < 0.2
 
 

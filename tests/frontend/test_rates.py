@@ -50,10 +50,10 @@ def test_a_spin_of_more_than_half_a_turn_between_attitudes_is_known_from_its_gyr
     t_s = np.arange(0, 3, 0.1)
     imu = record(np.arange(0, 3, 0.002), gyro=True)
     imu = dataclasses.replace(imu, w_b_radps=np.tile(spin, (len(imu.t_s), 1)))
-    own = imu_rotation(imu)
+    rotation = imu_rotation(imu)
     R_nb = rotations.exp(t_s[:, None] * spin)
     without = record(np.arange(0, 3, 0.002))
-    rates = rough_rates(without, t_s, R_nb, own)
+    rates = rough_rates(without, t_s, R_nb, rotation)
     np.testing.assert_allclose(rates, np.tile(spin, (len(t_s), 1)), rtol=0, atol=1e-3)
     assert np.abs(rough_rates(without, t_s, R_nb) - spin).max() > 1.0
 

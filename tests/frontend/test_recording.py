@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from fgnav.frontend.recording import between_fresh, is_repeated, with_noise_of_record
-from fgnav.types.flight import Imu
+from tests.imu import imu_of
 
 RATE_HZ, NOISE = 50.0, 2e-3
 T_S = np.arange(0, 60, 1 / RATE_HZ)
@@ -17,14 +17,7 @@ def white():
 
 
 def _imu(f_b_mps2):
-    return Imu(
-        t_s=T_S,
-        f_b_mps2=f_b_mps2,
-        w_b_radps=None,
-        accelerometer_noise_mps2_per_sqrt_hz=NOISE,
-        accelerometer_bias_mps2=3e-2,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-    )
+    return imu_of(T_S, f_b_mps2, accelerometer=(NOISE, 3e-2, 1e-4))
 
 
 def _density(f_b_mps2):

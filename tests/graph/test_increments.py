@@ -6,22 +6,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.cubic_spline import cubic_spline
 from fgnav.graph.inertial.increments import at_latest, increments
-from fgnav.types.flight import Imu
-
-
-def _imu(t_s, f_b_mps2, w_b_radps=None):
-    some = None if w_b_radps is None else 1e-4
-    return Imu(
-        t_s=t_s,
-        f_b_mps2=f_b_mps2,
-        w_b_radps=w_b_radps,
-        accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-        accelerometer_bias_mps2=0.02,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-        gyroscope_noise_radps_per_sqrt_hz=some,
-        gyroscope_bias_radps=some,
-        gyroscope_bias_walk_radps_per_sqrt_s=some,
-    )
+from tests.imu import imu_of
 
 
 def _middles(t_s, steps):
@@ -40,7 +25,7 @@ def _spin(t_s):
 
 def test_specific_force_of_a_spin_at_two_hertz_is_right_to_a_ten_thousandth():
     samples_s, t_s = np.arange(401) / 100, np.arange(41) / 10
-    steps = increments(_imu(samples_s, _spin(samples_s)), t_s)
+    steps = increments(imu_of(samples_s, _spin(samples_s)), t_s)
     middle_s = _middles(t_s, steps)
     error = np.abs(steps.f_b_mps2 - _spin(middle_s)).max()
     by_spline = np.abs(cubic_spline(samples_s, _spin(samples_s), middle_s) - _spin(middle_s)).max()
@@ -55,7 +40,7 @@ def test_cubics_are_met_exactly_between_samples_that_are_not_even():
     def cubic(x):
         return np.stack([x**3 - x, 2 * x**2 + 1, 3 - x], axis=1)
 
-    steps = increments(_imu(samples_s, cubic(samples_s), cubic(samples_s)), t_s, 2)
+    steps = increments(imu_of(samples_s, cubic(samples_s), cubic(samples_s)), t_s, 2)
     middle_s = _middles(t_s, steps)
     np.testing.assert_allclose(steps.f_b_mps2, cubic(middle_s), rtol=0, atol=1e-9)
     assert steps.w_b_radps is not None
@@ -67,10 +52,10 @@ def test_intervals_do_not_know_what_was_measured_after_them():
     samples_s = np.sort(rng.uniform(0, 5, 400))
     f, w = rng.standard_normal((2, 400, 3))
     t_s = np.linspace(0.03, 4.9, 40)
-    whole = increments(_imu(samples_s, f, w), t_s)
+    whole = increments(imu_of(samples_s, f, w), t_s)
     for k in (1, 7, 30):
         early = samples_s <= t_s[k]
-        cut = increments(_imu(samples_s[early], f[early], w[early]), t_s[: k + 1])
+        cut = increments(imu_of(samples_s[early], f[early], w[early]), t_s[: k + 1])
         assert cut.w_b_radps is not None
         assert whole.w_b_radps is not None
         n = int(cut.first[-1])
@@ -82,7 +67,7 @@ def test_intervals_do_not_know_what_was_measured_after_them():
 def test_past_the_last_sample_a_line_goes_on_for_one_period_and_then_holds():
     samples_s = np.arange(11) / 10
     f = np.outer(samples_s, [1.0, -2.0, 0.0])
-    steps = increments(_imu(samples_s, f), np.array([0.0, 1.0, 2.0]), 4)
+    steps = increments(imu_of(samples_s, f), np.array([0.0, 1.0, 2.0]), 4)
     late = steps.f_b_mps2[steps.first[1] :]
     middle_s = 1.0 + (np.arange(len(late)) + 0.5) * steps.step_s[1]
     expected = np.outer(middle_s.clip(None, 1.1), [1.0, -2.0, 0.0])
@@ -93,7 +78,7 @@ def test_a_gap_in_the_samples_is_crossed_by_a_straight_line():
     samples_s = np.concatenate([np.arange(100) / 100, 2.0 + np.arange(100) / 100])
     f = np.repeat(np.where(samples_s < 1.5, 1.0, 3.0)[:, None], 3, axis=1)
     f += 0.01 * np.random.default_rng(3).standard_normal(f.shape)
-    steps = increments(_imu(samples_s, f), np.array([0.0, 0.5, 2.5]), 1)
+    steps = increments(imu_of(samples_s, f), np.array([0.0, 0.5, 2.5]), 1)
     crossing = steps.f_b_mps2[steps.first[1] :]
     assert crossing.min() > 0.95
     assert crossing.max() < 3.05
@@ -101,7 +86,7 @@ def test_a_gap_in_the_samples_is_crossed_by_a_straight_line():
 
 def test_steps_fill_their_interval_by_equal_parts_of_a_sample():
     samples_s = np.arange(101) / 100
-    steps = increments(_imu(samples_s, np.zeros((101, 3))), np.array([0.0, 0.1, 0.15, 0.152]), 3)
+    steps = increments(imu_of(samples_s, np.zeros((101, 3))), np.array([0.0, 0.1, 0.15, 0.152]), 3)
     np.testing.assert_array_equal(np.diff(steps.first), [30, 15, 1])
     np.testing.assert_allclose(steps.step_s * np.diff(steps.first), [0.1, 0.05, 0.002], rtol=1e-12)
     assert steps.w_b_radps is None
@@ -117,4 +102,4 @@ def test_a_value_at_a_sample_is_that_sample():
 
 def test_no_sub_steps_are_refused():
     with pytest.raises(BadInputError, match="sub_steps: must be 1 or more, got 0"):
-        increments(_imu(np.arange(5.0), np.zeros((5, 3))), np.arange(3.0), 0)
+        increments(imu_of(np.arange(5.0), np.zeros((5, 3))), np.arange(3.0), 0)

@@ -11,7 +11,6 @@ from fgnav.types.flight import (
     Fixes,
     Flight,
     GnssNoise,
-    Imu,
     LinkIntegers,
     Seeker,
     Truth,
@@ -19,6 +18,7 @@ from fgnav.types.flight import (
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
 from fgnav.types.surroundings import Barometer, Magnetometer
+from tests.imu import imu_of
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25, second 345600 of GPS week 2111
 ORIGIN = Origin(latitude_rad=np.radians(78.0), longitude_rad=np.radians(-3.9), height_m=700.0)
@@ -118,17 +118,12 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             code_m=0.7, phase_m=0.002, doppler_mps=0.1, elevation_weights="uniform"
         ),
         base=Base(position_e_m=np.array([4e6, 1e6, 4.8e6]), observations=base),
-        imu=Imu(
-            t_s=t_s,
-            f_b_mps2=rng.normal(0, 10, (k, 3)),
-            w_b_radps=rng.normal(0, 1, (k, 3)),
+        imu=imu_of(
+            t_s,
+            rng.normal(0, 10, (k, 3)),
+            rng.normal(0, 1, (k, 3)),
+            gyroscope=(1e-4, 1e-3, 1e-5),
             position_b_m=np.array([0.1, -0.2, 0.3]),
-            accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-            accelerometer_bias_mps2=3e-2,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-            gyroscope_noise_radps_per_sqrt_hz=1e-4,
-            gyroscope_bias_radps=1e-3,
-            gyroscope_bias_walk_radps_per_sqrt_s=1e-5,
         ),
         fixes=tuple(
             Fixes(

@@ -48,7 +48,7 @@ def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
 def test_at_keyframes_the_search_starts_where_it_did(flight):
     """To the last bit, at the last one, too: a filter's covariance tells by 1e-6 of itself."""
     problem = Smoother(resolver=RIGHT, noise="stated").prepare(flight).problem
-    dense, _ = with_times(problem, problem.t_s[:-1] + 0.05)
+    dense = with_times(problem, problem.t_s[:-1] + 0.05)
     row = np.searchsorted(dense.t_s, problem.t_s)
     for name in ("R_nb", "p_n_m", "v_n_mps", "aux"):
         assert_array_equal(getattr(dense.start, name)[row], getattr(problem.start, name))

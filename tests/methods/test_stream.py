@@ -110,7 +110,7 @@ def test_a_stream_of_raw_samples_ends_where_the_window_ends(gyro):
     parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
     t_s = joined(parts, "t_s")
     np.testing.assert_array_equal(t_s, case.problem.t_s)
-    gravity = Directions.of("gravity", e_b, covariance).at(rows, len(t_s))
+    gravity = Directions.of("gravity", e_b, covariance).scatter(rows, len(t_s))
     window = solve_fixed_lag(with_sensed(case, Sensed(gravity=gravity), ()), 2.0)
     R_nb, sigma = joined(parts, "R_nb"), np.sqrt(np.einsum("nii->ni", window.covariance))
     apart = log(transpose(R_nb) @ window.states.R_nb) / sigma[:, :3]

@@ -12,10 +12,10 @@ from fgnav.gnss.single_point import atmosphere_choice
 from fgnav.methods import causal
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
-from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.smoothing.concatenation import concatenate_estimates
 from fgnav.methods.stream import Stream
 from fgnav.methods.streaming import going_on
-from fgnav.methods.streaming.recording import epochs_s, joined, pieces
+from fgnav.methods.streaming.recording import concatenate_flights, epochs_s, pieces
 from fgnav.types.flight import InitialAttitude
 from fgnav_sim.gnss.tables import OutageTable, Point, SlipsTable
 from fgnav_sim.motion import Straight
@@ -82,7 +82,7 @@ def assert_same(flight, method):
 
 def assert_joined(parts, whole):
     n = len(whole.t_s)
-    streamed = joined_estimates([part for part in parts if len(part.t_s)], n, n)
+    streamed = concatenate_estimates([part for part in parts if len(part.t_s)], n, n)
     np.testing.assert_array_equal(streamed.t_s, whole.t_s)
     for name in (one.name for one in fields(whole)):
         if isinstance(expected := getattr(whole, name), np.ndarray):
@@ -129,7 +129,7 @@ def test_pieces_of_a_flight_are_the_flight():
     flight = flown("one antenna, satellites that rise, an outage")
     first, *rest = pieces(flight)
     for piece in rest:
-        first = joined(first, piece)
+        first = concatenate_flights(first, piece)
     np.testing.assert_array_equal(first.imu.f_b_mps2, flight.imu.f_b_mps2)
     seen, of = first.observations, flight.observations
     order = [
@@ -143,9 +143,9 @@ def test_pieces_of_a_flight_are_the_flight():
 def test_orbits_are_the_newest_that_came():
     first, second, *_ = pieces(flown("one antenna, satellites that rise, an outage"))
     newer = replace(second.broadcast, klobuchar=2 * second.broadcast.klobuchar)
-    assert joined(first, replace(second, broadcast=newer)).broadcast is newer
+    assert concatenate_flights(first, replace(second, broadcast=newer)).broadcast is newer
     assert (
-        joined(first, replace(second, observations=None, broadcast=None)).broadcast
+        concatenate_flights(first, replace(second, observations=None, broadcast=None)).broadcast
         is first.broadcast
     )
 

@@ -8,6 +8,7 @@ from fgnav.geometry.rotations import exp, from_euler, log, skew, transpose
 from fgnav.process.matern import integral, intervals, noise_factor, stationary, transition
 
 DEG = np.pi / 180
+ARRAY_SIGMA = np.array([0.55, 0.14, 0.065]) * DEG  # of an array's attitudes
 _PARTS = 10  # of an interval when rates are drawn
 
 
@@ -31,6 +32,10 @@ def drawn_attitudes(t_s, own, sigma, mean, rng):
             phi += T**2 / 12 * np.cross(before, x[0] + mean)
             R[k + 1] = R[k + 1] @ exp(phi[None])[0]
     return R
+
+
+def sigmas(prior):
+    return np.sqrt(prior.variance_rad2ps2)
 
 
 def with_noise(R_nb, sigma, rng):

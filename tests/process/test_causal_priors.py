@@ -10,14 +10,9 @@ from fgnav.process.evidence import (
     causal_rate_priors,
     rate_prior,
 )
-from tests.process.chain import DEG, sine, with_noise
+from tests.process.chain import ARRAY_SIGMA, DEG, sigmas, sine, with_noise
 
 T_S = 0.1 * np.arange(600)
-ARRAY_SIGMA = np.array([0.55, 0.14, 0.065]) * DEG
-
-
-def sigmas(prior):
-    return np.sqrt(prior.variance_rad2ps2)
 
 
 def noise(poles, variance):

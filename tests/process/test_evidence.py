@@ -18,21 +18,18 @@ from fgnav.process.matern import integral, poles, transition
 from fgnav.process.posterior import log_posterior
 from fgnav.process.prediction import filtered
 from tests.process.chain import (
+    ARRAY_SIGMA,
     DEG,
     drawn_attitudes,
     matern_process,
     random_walk,
+    sigmas,
     sine,
     smoothed,
     with_noise,
 )
 
 T_S = 0.1 * np.arange(600)
-ARRAY_SIGMA = np.array([0.55, 0.14, 0.065]) * DEG
-
-
-def sigmas(prior):
-    return np.sqrt(prior.variance_rad2ps2)
 
 
 def log_densities(t_s, R_nb, V, length_s, sigma, mean_sigma=0.1):

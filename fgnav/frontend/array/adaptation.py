@@ -51,41 +51,19 @@ _PLACED_CYCLES = 0.1  # 1-sigma of where an antenna is, before its integers are 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AdaptedArray:
-    """Phases of the array that agree, epoch by epoch.
+    """Phases of the array that agree, epoch by epoch."""
 
-    Attributes
-    ----------
-    integers : Integers
-        Adapted, and without the links that are excluded.
-    form : RotationQuadratic
-        Of the links that take part, the noise raised to what their residuals ask for.
-    attitude : AttitudeSolution
-        Of the form.
-    ranges_m : ndarray, shape (n, b, m)
-        Double differences without integers that the form is of; NaN where excluded.
-    excluded : ndarray of bool, shape (n, b + 1, m)
-        Links, the reference antenna's first, that contradict the others of their epoch.
-    variance_factor : ndarray, shape (n,)
-        By which the noise is raised.
-    refused : ndarray of bool, shape (n,)
-        Epochs that nothing brings to agree.
-    evidence : ndarray, shape (n,)
-        For the integers of each epoch, log odds; 0 of those refused.
-    source : ndarray of int, shape (n, b, m)
-        Whose integers they are, of ``types.integers.SOURCES``.
-    rejections : tuple of Rejected
-    notes : tuple of str
-    """
-
-    integers: Integers
+    integers: Integers  # adapted, and without the links that are excluded
+    # Of the links that take part, the noise raised to what their residuals ask for.
     form: RotationQuadratic
-    attitude: AttitudeSolution
-    ranges_m: FloatArray
-    excluded: BoolArray
-    variance_factor: FloatArray
-    refused: BoolArray
-    evidence: FloatArray
-    source: IntArray
+    attitude: AttitudeSolution  # of the form
+    # Double differences without integers that the form is of; NaN where excluded.
+    ranges_m: FloatArray  # (n, b, m)
+    # Links, the reference antenna's first, that contradict the others of their epoch.
+    excluded: BoolArray  # (n, b + 1, m)
+    refused: BoolArray  # (n,): epochs that nothing brings to agree
+    evidence: FloatArray  # (n,): for the integers of each epoch, log odds; 0 of those refused
+    source: IntArray  # (n, b, m): whose integers they are, of ``types.integers.SOURCES``
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
 
@@ -139,7 +117,6 @@ def adapted(
         attitude=attitude,
         ranges_m=without(ranges_m, excluded),
         excluded=excluded,
-        variance_factor=factor,
         refused=refused,
         evidence=np.where(refused, 0.0, evidence),
         source=_source(integers, believed, chosen.by_arc),

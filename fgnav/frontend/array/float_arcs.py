@@ -38,19 +38,11 @@ _EPOCHS = ("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class FloatArcs:
-    """Keyframes whose array phases have no integers.
+    """Keyframes whose array phases have no integers."""
 
-    Attributes
-    ----------
-    stretch : ndarray of int, shape (n,)
-        Which of the stretches a keyframe is in; -1 with integers, or without phases.
-    count : int
-        Stretches.
-    notes : tuple of str
-    """
-
-    stretch: IntArray
-    count: int
+    # Which of the stretches a keyframe is in; -1 with integers, or without phases.
+    stretch: IntArray  # (n,)
+    count: int  # stretches
     notes: tuple[str, ...] = ()
 
     @property

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import IntArray, Loss
+from fgnav.checks import IntArray, Loss, losses_of
 from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.types.flight import Flight
 
@@ -21,18 +21,10 @@ _AGAINST = "not tracked by the reference antenna"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class View:
-    """A flight by one reference antenna.
+    """A flight by one reference antenna."""
 
-    Attributes
-    ----------
-    flight : Flight
-        Its first antenna is the reference.
-    rows : ndarray of int, shape (k,)
-        Its epochs among those of the whole flight.
-    """
-
-    flight: Flight
-    rows: IntArray
+    flight: Flight  # its first antenna is the reference
+    rows: IntArray  # (k,): its epochs among those of the whole flight
 
 
 def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
@@ -58,7 +50,7 @@ def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Los
         used = (tracked & ~tracked[:, :1]).sum(axis=(0, 2))
         for antenna, count in zip(flight.antennas, used, strict=True):
             counts[f"{antenna.name} link", _AGAINST] -= int(count)
-    return tuple(Loss(what=w, reason=r, count=c) for (w, r), c in counts.items() if c > 0)
+    return losses_of(counts)
 
 
 def pivot_notes(views: tuple[View, ...]) -> Iterator[str]:

@@ -30,23 +30,14 @@ _MISFIT = 4.0  # times the median: an epoch with wrong integers
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineForm:
-    """Cost of the baselines u, (b, 3), in ``n``, by phases: ``|root (u - minimum).ravel()|^2 / 2``.
+    """Cost of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``."""
 
-    Attributes
-    ----------
-    there : ndarray of bool, shape (n,)
-    root : ndarray, shape (n, 3 b, 3 b)
-    minimum : ndarray, shape (n, b, 3)
-    baselines_b_m : ndarray, shape (b, 3)
-        As the flight states them.
-    """
+    valid: BoolArray  # (n,)
+    root: FloatArray  # (n, 3 b, 3 b)
+    minimum: FloatArray  # (n, b, 3)
+    baselines_b_m: FloatArray  # (b, 3): as the flight states them
 
-    valid: BoolArray
-    root: FloatArray
-    minimum: FloatArray
-    baselines_b_m: FloatArray
-
-    def at(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
+    def scatter(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
         """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
         mine = np.arange(len(self.valid)) if mine is None else mine
         valid, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
@@ -165,7 +156,7 @@ def shape_at(
     stated_b_m = form_b.baselines_b_m.copy()
     for place, off_b_m in offs.items():
         stated_b_m[place] -= off_b_m
-    return replace(form_b.at(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+    return replace(form_b.scatter(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
 
 
 class FixedPhases(NamedTuple):

@@ -56,7 +56,7 @@ def carried_attitudes(
         level_s = first_s if causal else max(first_s, float(imu.t_s[0]) + LEVEL_S)
         level_s = level_s if without_motion_s == np.inf else max(level_s, without_motion_s)
         if earlier is None:
-            R_level = level_start(flight, imu, motion.own, level_s)
+            R_level = level_start(flight, imu, motion.rotation, level_s)
         R_nu = np.tile(R_level, (len(t_s), 1, 1))
         sigma_rad = np.full(len(t_s), ROTATION_PRIOR_RAD)
         determined_s = without_motion_s if causal or without_motion_s == np.inf else -np.inf
@@ -65,11 +65,11 @@ def carried_attitudes(
     is_without = without_motion_s <= _first(motion.until_s, determined_s)
     return Alignment(
         t_s=t_s,
-        R_nb=spun(motion.own, t_s, R_nu),
+        R_nb=spun(motion.rotation, t_s, R_nu),
         covariance_rad2=sigma_rad[:, None, None] ** 2 * np.eye(3),
         valid=t_s >= determined_s,
         refused=np.zeros(len(t_s), dtype=np.bool_),
-        own=motion.own,
+        rotation=motion.rotation,
         gyroscope_bias_b_radps=motion.bias_b_radps,
         heading_from_s=without_motion_s if is_without else _first(motion.begun_s, determined_s),
         heading_known_s=without_motion_s if is_without else _first(motion.until_s, determined_s),
@@ -80,7 +80,7 @@ def carried_attitudes(
             until_s=float(t_s[t_s <= imu.t_s[-1]].max(initial=-np.inf)),
             gravity_n_mps2=gravity_n_mps2,
             R_level=R_level,
-            R_ub=motion.own.R_ub[0],
+            R_ub=motion.rotation.R_ub[0],
             windows=motion,
             without_motion_s=given_s,
         ),

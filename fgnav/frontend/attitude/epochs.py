@@ -19,63 +19,36 @@ OF_FORM = ("information", "vector", "constant", "count")
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Alignment:
-    """Attitudes at the flight's GNSS epochs, each from that epoch alone.
+    """Attitudes at the flight's GNSS epochs, each from that epoch alone."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    R_nb : ndarray, shape (n, 3, 3)
-    covariance_rad2 : ndarray, shape (n, 3, 3)
-    valid : ndarray of bool, shape (n,)
-        Whether the epoch has an attitude that its own residuals do not contradict.
-    form : RotationQuadratic or None
-        Of the array's phases; None without an array.
-    integers : Integers or None
-    phases : tuple of DoubleDifferences and ndarray, or None
-        The array's own, and what of them its form is of, without integers, whatever the epochs.
-    refused : ndarray of bool, shape (n,)
-        Epochs whose array phases contradict each other.
-    losses : tuple of Loss
-    rejections : tuple of Rejected
-    notes : tuple of str
-        Among them the gaps.
-    unobservable : tuple of str
-        Angles that neither the array nor another vector determines.
-    rough : bool
-        Whether the covariance is a guess.
-    own : ImuRotation or None
-        How the body turns by its gyroscope, or spins without an array.
-    gyroscope_bias_b_radps : ndarray, shape (3,), or None
-        Where the search for it starts.
-    heading_from_s, heading_known_s : float
-        When information about heading begins, and when it is enough.
-    motion : EarlierMotion or None
-        Of attitudes that a gyroscope carries, for those to come.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    covariance_rad2: FloatArray
-    valid: BoolArray
-    refused: BoolArray
-    form: RotationQuadratic | None = None
+    t_s: FloatArray  # (n,)
+    R_nb: FloatArray  # (n, 3, 3)
+    covariance_rad2: FloatArray  # (n, 3, 3)
+    # Whether the epoch has an attitude that its own residuals do not contradict.
+    valid: BoolArray  # (n,)
+    refused: BoolArray  # (n,): epochs whose array phases contradict each other
+    form: RotationQuadratic | None = None  # of the array's phases; None without an array
     integers: Integers | None = None
     losses: tuple[Loss, ...] = ()
     rejections: tuple[Rejected, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # among them the gaps
+    # Angles that neither the array nor another vector determines.
     unobservable: tuple[str, ...] = ()
-    rough: bool = False
+    rough: bool = False  # whether the covariance is a guess
+    # The array's own, and what of them its form is of, without integers, whatever the epochs.
     phases: tuple[DoubleDifferences, FloatArray] | None = None
-    own: ImuRotation | None = None
-    gyroscope_bias_b_radps: FloatArray | None = None
+    # How the body turns by its gyroscope, or spins without an array.
+    rotation: ImuRotation | None = None
+    gyroscope_bias_b_radps: FloatArray | None = None  # (3,): where the search for it starts
+    # When information about heading begins, and when it is enough.
     heading_from_s: float = -np.inf
     heading_known_s: float = -np.inf
-    motion: EarlierMotion | None = None
+    motion: EarlierMotion | None = None  # of attitudes that a gyroscope carries, for those to come
 
     @property
     def R_nu(self) -> FloatArray:
         """Attitudes of axes that do not spin, (n, 3, 3)."""
-        return despun(self.own, self.t_s, self.R_nb)
+        return despun(self.rotation, self.t_s, self.R_nb)
 
     def epochs_of(self, t_s: FloatArray) -> IntArray:
         """Return which of some times, (m,), each keyframe is at, (n,); -1 of none."""

@@ -63,10 +63,10 @@ def specific_forces(
 class Integrated:
     """Velocity and place of an antenna in ``u`` that specific force alone adds up to."""
 
-    def __init__(self, imu: Imu, own: ImuRotation, arm_b_m: FloatArray) -> None:
-        self._own, self._arm_b_m, self._t_s = own, arm_b_m, imu.t_s
+    def __init__(self, imu: Imu, rotation: ImuRotation, arm_b_m: FloatArray) -> None:
+        self._rotation, self._arm_b_m, self._t_s = rotation, arm_b_m, imu.t_s
         dt = np.diff(imu.t_s)[:, None]
-        self._f_u = np.einsum("nij,nj->ni", own.R_ub, imu.f_b_mps2)
+        self._f_u = np.einsum("nij,nj->ni", rotation.R_ub, imu.f_b_mps2)
         self._v_u = integral(imu.t_s, self._f_u)
         steps = self._v_u[:-1] * dt + (2 * self._f_u[:-1] + self._f_u[1:]) / 6 * dt**2
         self._p_u = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
@@ -82,8 +82,8 @@ class Integrated:
         """Return velocity and place, (n, 3), by samples up to each time, the last one held."""
         row = (np.searchsorted(self._t_s, t_s, side="right") - 1).clip(0)
         since_s = (t_s - self._t_s[row])[:, None]
-        f_u, R_ub = self._f_u[row], self._own.at(t_s)
-        swing_b = np.cross(self._own.w_b_radps[row], self._arm_b_m)
+        f_u, R_ub = self._f_u[row], self._rotation.at(t_s)
+        swing_b = np.cross(self._rotation.w_b_radps[row], self._arm_b_m)
         v_u = self._v_u[row] + f_u * since_s + np.einsum("nij,nj->ni", R_ub, swing_b)
         p_u = self._p_u[row] + self._v_u[row] * since_s + f_u * since_s**2 / 2
         return v_u, p_u + R_ub @ self._arm_b_m

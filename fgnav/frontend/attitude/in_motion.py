@@ -45,34 +45,17 @@ ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InMotion:
-    """Headings of windows, each from what lies in it.
+    """Headings of windows, each from what lies in it."""
 
-    Attributes
-    ----------
-    until_s : ndarray, shape (k,)
-        Ends of the windows, increasing: nothing later takes part.
-    begun_s, middle_s : ndarray, shape (k,)
-        When information about heading begins, and when half of it has come.
-    R_nu : ndarray, shape (k, 3, 3)
-        Of the axes that do not turn.
-    sigma_rad : ndarray, shape (k,)
-        Of the heading.
-    own : ImuRotation
-        How the body turns in ``u``.
-    bias_b_radps : ndarray, shape (3,)
-        Of the gyroscope, taken out of ``own``.
-    bias_sigma_radps : float
-        Of what is left of it.
-    """
-
-    until_s: FloatArray
-    begun_s: FloatArray
-    middle_s: FloatArray
-    R_nu: FloatArray
-    sigma_rad: FloatArray
-    own: ImuRotation
-    bias_b_radps: FloatArray
-    bias_sigma_radps: float
+    until_s: FloatArray  # (k,): ends of the windows, increasing: nothing later takes part
+    # When information about heading begins, and when half of it has come.
+    begun_s: FloatArray  # (k,)
+    middle_s: FloatArray  # (k,)
+    R_nu: FloatArray  # (k, 3, 3): of the axes that do not turn
+    sigma_rad: FloatArray  # (k,): of the heading
+    rotation: ImuRotation  # how the body turns in ``u``
+    bias_b_radps: FloatArray  # (3,): of the gyroscope, taken out of ``rotation``
+    bias_sigma_radps: float  # of what is left of it
 
     def at(self, which: IntArray) -> "InMotion":
         """Return some of the windows."""
@@ -134,10 +117,10 @@ def in_motion(
     gravity_n_mps2 : ndarray, shape (3,)
     earlier : EarlierMotion, optional
     """
-    own = imu_rotation(imu, None if earlier is None else earlier.R_ub)
-    if own is None:
+    rotation = imu_rotation(imu, None if earlier is None else earlier.R_ub)
+    if rotation is None:
         return None
-    integrated = Integrated(imu, own, track.arm_b_m - imu.position_b_m)
+    integrated = Integrated(imu, rotation, track.arm_b_m - imu.position_b_m)
     first_s, until_s = None, -np.inf
     if earlier is not None:
         first_s, until_s = earlier.first_s, earlier.until_s
@@ -146,23 +129,18 @@ def in_motion(
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _best(windows)
+    best = _concatenate(windows)  # in order of their ends, the surest of those that end together
+    best = best.at(np.lexsort((best.sigma_rad, best.until_s)))
+    best = best.at(np.flatnonzero(np.diff(best.until_s, prepend=-np.inf) > 0))
     if earlier is not None:
         before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
-        best = _joined([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
+        best = _concatenate([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
     return InMotion(
         **best._asdict(),
-        own=own,
+        rotation=rotation,
         bias_b_radps=np.zeros(3),
         bias_sigma_radps=imu.gyroscope_bias_radps or np.inf,
     )
-
-
-def _best(windows: "list[_Windows]") -> "_Windows":
-    """Return windows in order of their ends, the surest of those that end together."""
-    every = _joined(windows)
-    every = every.at(np.lexsort((every.sigma_rad, every.until_s)))
-    return every.at(np.flatnonzero(np.diff(every.until_s, prepend=-np.inf) > 0))
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
@@ -172,7 +150,7 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
         return first
     best = int(np.argmin(first.sigma_rad))
     middle_s = float(first.middle_s[best])
-    R_nb = first.R_nu[best] @ first.own.at(np.array([middle_s]))[0]
+    R_nb = first.R_nu[best] @ first.rotation.at(np.array([middle_s]))[0]
     half_s = min(float(first.until_s[best]) - middle_s, middle_s - float(first.begun_s[best]))
     bias = gyroscope_bias(imu, track, gravity_n_mps2, R_nb, (middle_s - half_s, middle_s + half_s))
     if bias is None:
@@ -202,7 +180,7 @@ class _Windows(NamedTuple):
         return _Windows(*(column[which] for column in self))
 
 
-def _joined(parts: list[_Windows]) -> _Windows:
+def _concatenate(parts: list[_Windows]) -> _Windows:
     if not parts:
         return _Windows(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0))
     return _Windows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
@@ -214,7 +192,7 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     count = np.arange(1, len(first) + 1) - first
     which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
     if not len(which):
-        return _joined([])
+        return _concatenate([])
     row = first[which, None] + np.arange(_MOST)
     within = row <= which[:, None]
     row = np.minimum(row, which[:, None])

@@ -17,7 +17,7 @@ from fgnav.types.surroundings import Magnetometer
 LEVEL_S = 1.0  # of specific force whose mean points up: a body at rest shakes faster
 
 
-def level_start(flight: Flight, imu: Imu, own: ImuRotation, at_s: float) -> FloatArray:
+def level_start(flight: Flight, imu: Imu, rotation: ImuRotation, at_s: float) -> FloatArray:
     """Return R_nu, (3, 3), by which specific force up to a time points up.
 
     Over a second, or as much of it as there is. The heading is that of a baseline, else of the
@@ -25,16 +25,16 @@ def level_start(flight: Flight, imu: Imu, own: ImuRotation, at_s: float) -> Floa
     """
     end = max(int(np.searchsorted(imu.t_s, at_s, side="right")), 1)
     begin = min(int(np.searchsorted(imu.t_s, at_s - LEVEL_S)), end - 1)
-    f_u = np.einsum("nij,nj->ni", own.R_ub[begin:end], imu.f_b_mps2[begin:end]).mean(axis=0)
-    R_ub = own.at(np.array([at_s]))[0]
+    f_u = np.einsum("nij,nj->ni", rotation.R_ub[begin:end], imu.f_b_mps2[begin:end]).mean(axis=0)
+    R_ub = rotation.at(np.array([at_s]))[0]
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
     sensor = flight.magnetometer
     baselines = [one for one in heading_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
     if baselines:
-        R_nb = _turned_to_baseline(baselines[0], own, R_nb @ R_ub.T, at_s) @ R_ub
+        R_nb = _turned_to_baseline(baselines[0], rotation, R_nb @ R_ub.T, at_s) @ R_ub
     elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
-        R_nb = _turned_to_field(sensor, own, R_nb @ R_ub.T, at_s) @ R_ub
+        R_nb = _turned_to_field(sensor, rotation, R_nb @ R_ub.T, at_s) @ R_ub
     return np.asarray(stated_attitude(flight.initial, R_nb) @ R_ub.T)
 
 
@@ -43,7 +43,9 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
 
     That it was before the first epoch is minus infinity.
     """
-    if states_heading(flight.initial):
+    initial = flight.initial
+    sigma_rad = None if initial is None else initial.heading_sigma_rad
+    if sigma_rad is not None and sigma_rad < KNOWN_RAD:  # so well that the search starts there
         return -np.inf
     sensor = flight.magnetometer
     begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
@@ -61,11 +63,11 @@ def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetom
 
 
 def _turned_to_field(
-    sensor: Magnetometer, own: ImuRotation, R_lu: FloatArray, at_s: float
+    sensor: Magnetometer, rotation: ImuRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of the samples by then."""
     rows = _last_second(sensor.t_s, at_s)
-    R_lb = R_lu @ own.at(sensor.t_s[rows])
+    R_lb = R_lu @ rotation.at(sensor.t_s[rows])
     north, east, _ = np.einsum("nij,nj->i", R_lb, sensor.field_b_ut[rows])
     return _turned(R_lu, np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north))
 
@@ -99,12 +101,6 @@ def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatA
         old if new is None else new for old, new in zip(angles, initial.angles_rad, strict=True)
     ]
     return np.asarray(from_euler(*np.array(stated)[:, None])[0])
-
-
-def states_heading(initial: InitialAttitude | None) -> bool:
-    """Return whether a flight states its heading so well that the search may start there."""
-    sigma_rad = None if initial is None else initial.heading_sigma_rad
-    return sigma_rad is not None and sigma_rad < KNOWN_RAD
 
 
 def attitude_prior(

@@ -15,7 +15,7 @@ RATE_SPAN_S = 0.5  # rates are differences of attitudes this far apart
 
 
 def rough_rates(
-    imu: Imu, t_s: FloatArray, R_nb: FloatArray, own: ImuRotation | None = None
+    imu: Imu, t_s: FloatArray, R_nb: FloatArray, rotation: ImuRotation | None = None
 ) -> FloatArray:
     """Return body rates at keyframes, rad/s, (n, 3): the gyroscope's, or from attitudes.
 
@@ -23,9 +23,9 @@ def rough_rates(
     """
     if imu.w_b_radps is not None:
         return interpolate(t_s, imu.t_s, imu.w_b_radps)
-    rest_radps = angular_rates(t_s, despun(own, t_s, R_nb))
-    if own is not None:
-        rest_radps = np.einsum("nji,nj->ni", own.at(t_s), rest_radps) + own.rates(t_s)
+    rest_radps = angular_rates(t_s, despun(rotation, t_s, R_nb))
+    if rotation is not None:
+        rest_radps = np.einsum("nji,nj->ni", rotation.at(t_s), rest_radps) + rotation.rates(t_s)
     return np.asarray(rest_radps)
 
 

@@ -47,13 +47,13 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         If the flight has no track.
     """
     track = track_of(flight)
-    own = None if flight.imu is None else imu_rotation(flight.imu)
-    pairs, losses = measured_vectors(flight, track, own)
+    rotation = None if flight.imu is None else imu_rotation(flight.imu)
+    pairs, losses = measured_vectors(flight, track, rotation)
     few = None
     if gravity is not None and "specific force" in pairs.sources:
         few = _by_gravity(flight.origin, track, pairs, gravity)
         if few is not None and _dense(few):
-            return replace(few, losses=losses, own=own)
+            return replace(few, losses=losses, rotation=rotation)
     assumed = with_velocity(pairs, track)
     start = of_vectors(track.t_s, assumed, losses)
     if few is not None:
@@ -61,8 +61,8 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         determined = start.valid & np.isfinite(f_n[:, 0])
         start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
     if isinstance(flight.vehicle, FinnedVehicle):
-        return replace(start, rough=False, own=own)
-    return replace(start, notes=_assumption_note(flight.imu, assumed), own=own)
+        return replace(start, rough=False, rotation=rotation)
+    return replace(start, notes=_assumption_note(flight.imu, assumed), rotation=rotation)
 
 
 def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) -> Alignment:

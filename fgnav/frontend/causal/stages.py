@@ -51,9 +51,9 @@ def causal_aligned(
         imu, epochs, measured_times_s(flight), causal=True, earlier=earlier
     )
     R_open = None
-    if start.own is not None and not start.valid[0]:
-        R_nu = level_start(flight, imu, start.own, float(start.t_s[0]))
-        R_open = spun(start.own, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
+    if start.rotation is not None and not start.valid[0]:
+        R_nu = level_start(flight, imu, start.rotation, float(start.t_s[0]))
+        R_open = spun(start.rotation, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
     stretch = np.full(len(start.t_s), -1, dtype=np.int64)
     rates: FloatArray = np.zeros((len(start.t_s), 3))
     if imu.w_b_radps is not None:

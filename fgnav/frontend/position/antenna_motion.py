@@ -17,25 +17,14 @@ from fgnav.types.flight import Flight, Imu
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AntennaMotion:
-    """Positions and velocities of antennas at keyframes.
+    """Positions and velocities of antennas at keyframes."""
 
-    Attributes
-    ----------
-    positions : tuple of (str, VectorSeries)
-        Of antennas by name. By fixes; of raw observations by code, where a search starts.
-    velocities : tuple of (str, VectorSeries)
-        Of antennas by name, of raw observations no two at one keyframe.
-    phases : tuple of Observed
-        Empty of fixes.
-    losses : tuple of Loss
-    notes : tuple of str
-    """
-
+    # Of antennas by name. By fixes; of raw observations by code, where a search starts.
     positions: tuple[tuple[str, VectorSeries], ...]
+    # Of antennas by name, of raw observations no two at one keyframe.
     velocities: tuple[tuple[str, VectorSeries], ...]
-    phases: tuple[Observed, ...] = ()
+    phases: tuple[Observed, ...] = ()  # empty of fixes
     losses: tuple[Loss, ...] = ()
-    notes: tuple[str, ...] = ()
 
     @property
     def position(self) -> VectorSeries | None:
@@ -146,7 +135,6 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
         velocities=(*first.velocities, *velocities),
         phases=(*first.phases, *other.phases),
         losses=(*first.losses, *other.losses),
-        notes=tuple(dict.fromkeys((*first.notes, *other.notes))),
     )
 
 

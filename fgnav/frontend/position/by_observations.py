@@ -40,20 +40,10 @@ class AntennaRecord(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ByObservations:
-    """Phases of a flight's array and records of its antennas.
+    """Phases of a flight's array and records of its antennas."""
 
-    Attributes
-    ----------
-    flight : Flight
-        With observations.
-    resolver : Resolver
-        Is not asked again where the unit or another sensor alone is changed.
-    false_alarm : float
-    causal : bool
-    """
-
-    flight: Flight
-    resolver: Resolver
+    flight: Flight  # with observations
+    resolver: Resolver  # is not asked again where the unit or another sensor alone is changed
     false_alarm: float
     causal: bool
 

@@ -34,37 +34,18 @@ class Gated:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InertialTrack:
-    """Motion by specific force and approximate attitudes.
+    """Motion by specific force and approximate attitudes."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-        Keyframes.
-    R_nb : ndarray, shape (n, 3, 3)
-        Approximate attitudes, in which velocities of antennas swing.
-    R_nu : ndarray, shape (n, 3, 3)
-        Of axes that do not spin, to which ``imu`` speaks.
-    w_b_radps : ndarray, shape (n, 3)
-        Approximate rates.
-    imu : Imu
-    gravity_n_mps2 : ndarray, shape (n, 3)
-    untested : ndarray of bool, shape (n,)
-        Keyframes without specific force or attitude.
-    attitude_sigma_rad : ndarray, shape (n,)
-        Of the attitudes, beyond a third of a degree: what gravity is turned by.
-    causal : bool
-        Whether fixes are held against those before them alone.
-    """
-
-    t_s: FloatArray
-    R_nb: FloatArray
-    R_nu: FloatArray
-    w_b_radps: FloatArray
+    t_s: FloatArray  # (n,): keyframes
+    R_nb: FloatArray  # (n, 3, 3): approximate attitudes, in which velocities of antennas swing
+    R_nu: FloatArray  # (n, 3, 3): of axes that do not spin, to which ``imu`` speaks
+    w_b_radps: FloatArray  # (n, 3): approximate rates
     imu: Imu
-    gravity_n_mps2: FloatArray
-    untested: BoolArray
-    attitude_sigma_rad: FloatArray
-    causal: bool = False
+    gravity_n_mps2: FloatArray  # (n, 3)
+    untested: BoolArray  # (n,): keyframes without specific force or attitude
+    # Of the attitudes, beyond a third of a degree: what gravity is turned by.
+    attitude_sigma_rad: FloatArray  # (n,)
+    causal: bool = False  # whether fixes are held against those before them alone
 
 
 def gated(

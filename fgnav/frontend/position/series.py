@@ -9,23 +9,14 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class VectorSeries:
-    """Measurements at keyframes: NaN rows where there is none.
+    """Measurements at keyframes: NaN rows where there is none."""
 
-    Attributes
-    ----------
-    value : ndarray, shape (n, 3)
-    covariance : ndarray, shape (n, 3, 3)
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to where it was measured.
-    partial : ndarray, shape (n, 3, 3), or None
-        What whitens values known in some directions only, in place of a covariance; rows of zeros
-        for the others. Zero of values that are known in all.
-    """
-
-    value: FloatArray
-    covariance: FloatArray
-    arm_b_m: FloatArray
-    partial: FloatArray | None = None
+    value: FloatArray  # (n, 3)
+    covariance: FloatArray  # (n, 3, 3)
+    arm_b_m: FloatArray  # (3,): from the accelerometer to where it was measured
+    # What whitens values known in some directions only, in place of a covariance; rows of zeros for
+    # the others. Zero of values that are known in all.
+    partial: FloatArray | None = None  # (n, 3, 3)
 
     @property
     def valid(self) -> BoolArray:

@@ -15,19 +15,11 @@ _WIDEST_RAD = 0.5  # the tangent of an angle is linear to a tenth below
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Airflow:
-    """Keyframes at which fins constrain the attitude, (k,).
+    """Keyframes at which fins constrain the attitude, (k,)."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    sigma_rad : ndarray, shape (k, 2)
-        Of sideslip and angle of attack about their mean.
-    wind, mean : FlightConstant
-        North and east, m/s; mean sideslip and angle of attack, rad.
-    """
-
-    row: IntArray
-    sigma_rad: FloatArray
+    row: IntArray  # (k,)
+    sigma_rad: FloatArray  # (k, 2): of sideslip and angle of attack about their mean
+    # North and east, m/s; mean sideslip and angle of attack, rad.
     wind: FlightConstant
     mean: FlightConstant
 

@@ -61,4 +61,4 @@ def gravity(
         close = np.abs(t_s[keyframe] - direction.t_s) <= spacing_s / 2
     seen = Directions.of("gravity direction", direction.g_b, direction.covariance)
     losses = (*direction.losses, *unused("gravity direction", len(direction.t_s), close))
-    return seen[close].at(keyframe[close], len(t_s)), losses
+    return seen[close].scatter(keyframe[close], len(t_s)), losses

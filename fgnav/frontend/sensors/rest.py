@@ -21,18 +21,10 @@ _SAME_S = 1e-6
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Rest:
-    """Seconds at rest.
+    """Seconds at rest."""
 
-    Attributes
-    ----------
-    until_s : ndarray, shape (k,)
-        Their ends, in turn.
-    causal : bool
-        Whether one is at rest only once it is over.
-    """
-
-    until_s: FloatArray
-    causal: bool = False
+    until_s: FloatArray  # (k,): their ends, in turn
+    causal: bool = False  # whether one is at rest only once it is over
 
     @classmethod
     def of(cls, stands: Standing, t_s: FloatArray, *, causal: bool) -> "Rest":

@@ -19,25 +19,10 @@ from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sensed:
-    """Measurements at keyframes, each None where the flight has no such instrument.
-
-    Attributes
-    ----------
-    baselines : tuple of BaselineRows
-    sight : Directions or None
-        From the accelerometer to the landmark.
-    gravity : Directions or None
-    heights : Heights or None
-    field : MagneticField or None
-    wheels : Wheels or None
-    airflow : Airflow or None
-    standing : Standing or None
-    resting : RestingRates or None
-    losses : tuple of Loss
-    """
+    """Measurements at keyframes, each None where the flight has no such instrument."""
 
     baselines: tuple[BaselineRows, ...] = ()
-    sight: Directions | None = None
+    sight: Directions | None = None  # from the accelerometer to the landmark
     gravity: Directions | None = None
     heights: Heights | None = None
     field: MagneticField | None = None

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Loss, losses_of
 from fgnav.frontend.faulty_samples import STUCK, stuck_samples
 from fgnav.frontend.recording import coarse_step
 from fgnav.types.flight import Flight
@@ -28,11 +28,8 @@ def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
     if not stuck:
         return flight, ()
     records = {n: one[~stuck[n]] if n in stuck else one for n, one in flight.records.items()}
-    losses = tuple(
-        Loss(what=f"{name} sample", reason=STUCK, count=int(bad.sum()))
-        for name, bad in stuck.items()
-    )
-    return flight.with_records(records), losses
+    losses = {(f"{name} sample", STUCK): int(bad.sum()) for name, bad in stuck.items()}
+    return flight.with_records(records), losses_of(losses)
 
 
 def _stuck(x: FloatArray, noise: float) -> BoolArray:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Loss, losses_of
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S
 from fgnav.geometry.earth import Origin, geodetic
@@ -26,44 +26,23 @@ _LONGEST_S = 2.0  # between samples: across longer ones nothing is interpolated
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Heights:
-    """Barometric heights at keyframes.
+    """Barometric heights at keyframes."""
 
-    Attributes
-    ----------
-    down_n_m : ndarray, shape (n,)
-        Where the port is along the third axis of ``n``; NaN where there is none.
-    sigma_m : float
-        Of what is new at each keyframe.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the port.
-    place : ndarray, shape (n,)
-        Where each keyframe lies among the times of the drift, in intervals.
-    offset : FlightConstant
-        What is to be taken off heights, at those times.
-    """
-
-    down_n_m: FloatArray
-    sigma_m: float
-    arm_b_m: FloatArray
-    place: FloatArray
-    offset: FlightConstant
+    # Where the port is along the third axis of ``n``; NaN where there is none.
+    down_n_m: FloatArray  # (n,)
+    sigma_m: float  # of what is new at each keyframe
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the port
+    place: FloatArray  # (n,): where each keyframe lies among the times of the drift, in intervals
+    offset: FlightConstant  # what is to be taken off heights, at those times
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class MagneticField:
-    """The magnetic field at keyframes.
-
-    Attributes
-    ----------
-    directions : Directions
-    field_n_ut : ndarray, shape (3,)
-    iron : FlightConstant
-        The vehicle's own field.
-    """
+    """The magnetic field at keyframes."""
 
     directions: Directions
-    field_n_ut: FloatArray
-    iron: FlightConstant
+    field_n_ut: FloatArray  # (3,)
+    iron: FlightConstant  # the vehicle's own field
 
 
 def heights(
@@ -182,7 +161,7 @@ def _sampled(
         interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
     unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
-    return interpolated, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
+    return interpolated, losses_of({(what, reason): unmatched})
 
 
 def _latest(
@@ -195,7 +174,7 @@ def _latest(
     newest = np.full((len(t_s), values.shape[1]), np.nan)
     newest[fresh] = values[sample[fresh]]
     unmatched, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
-    return newest, (Loss(what=what, reason=reason, count=unmatched),) if unmatched > 0 else ()
+    return newest, losses_of({(what, reason): unmatched})
 
 
 def _as_noise_m(barometer: Barometer) -> float:

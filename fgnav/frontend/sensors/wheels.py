@@ -18,22 +18,12 @@ _EVERY_S = 1.0
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Wheels:
-    """Keyframes at which wheels speak, (k,).
+    """Keyframes at which wheels speak, (k,)."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    slip_mps : float
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the axle.
-    axes, axle : FlightConstant
-        The turn from body axes to those in which wheels roll, about y and z; what ``arm_b_m``
-        lacks.
-    """
-
-    row: IntArray
+    row: IntArray  # (k,)
     slip_mps: float
-    arm_b_m: FloatArray
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the axle
+    # The turn from body axes to those in which wheels roll, about y and z; what ``arm_b_m`` lacks.
     axes: FlightConstant
     axle: FlightConstant
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
 from fgnav.gnss.cycle_slips.verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
@@ -16,23 +16,15 @@ LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class PhaseArcs:
-    """Continuous carrier phase.
+    """Continuous carrier phase."""
 
-    Attributes
-    ----------
-    arc : ndarray of int, shape (n, a, m)
-        Number of the arc of each antenna's channel, from 0; -1 without phase.
-    steps, untested : int
-        Steps from epoch to epoch that the slip test looked at; and that it could not judge, because
-        fewer than five channels, or their geometry, leave nothing to check.
-    losses : tuple of Loss
-        Breaks, by antenna and cause.
-    """
-
-    arc: IntArray
+    # Number of the arc of each antenna's channel, from 0; -1 without phase.
+    arc: IntArray  # (n, a, m)
+    # Steps from epoch to epoch that the slip test looked at; and that it could not judge, because
+    # fewer than five channels, or their geometry, leave nothing to check.
     steps: int
     untested: int
-    losses: tuple[Loss, ...]
+    losses: tuple[Loss, ...]  # breaks, by antenna and cause
 
 
 def phase_arcs(
@@ -110,7 +102,7 @@ def phase_arcs(
         arc=arc,
         steps=int(both.sum()),
         untested=int((both & (verdict == NOT_TESTED)).sum()),
-        losses=tuple(Loss(what=w, reason=r, count=c) for (w, r), c in lost.items() if c),
+        losses=losses_of(lost),
     )
 
 

@@ -19,24 +19,16 @@ _STEP_S = 0.05  # half step of central differences: errors below 1e-6 m/s
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SatelliteStates:
-    """Satellites at times of transmission; NaN where no usable ephemeris says so.
+    """Satellites at times of transmission; NaN where no usable ephemeris says so."""
 
-    Attributes
-    ----------
-    p_e_m, v_e_mps : ndarray, shape (n, m, 3)
-        In the Earth-fixed frame of the time of transmission. Broadcast: antenna phase centre;
-        precise: what the table speaks of, the centre of mass.
-    clock_s, clock_drift_sps : ndarray, shape (n, m)
-        Satellite clock minus GPS time, periodic relativistic part included, group delays not.
-    unhealthy : ndarray of bool, shape (n, m)
-        NaN because the message says the satellite is not healthy.
-    """
-
-    p_e_m: FloatArray
-    v_e_mps: FloatArray
-    clock_s: FloatArray
-    clock_drift_sps: FloatArray
-    unhealthy: BoolArray
+    # In the Earth-fixed frame of the time of transmission. Broadcast: antenna phase centre;
+    # precise: what the table speaks of, the centre of mass.
+    p_e_m: FloatArray  # (n, m, 3)
+    v_e_mps: FloatArray  # (n, m, 3)
+    # Satellite clock minus GPS time, periodic relativistic part included, group delays not.
+    clock_s: FloatArray  # (n, m)
+    clock_drift_sps: FloatArray  # (n, m)
+    unhealthy: BoolArray  # (n, m): NaN because the message says the satellite is not healthy
 
 
 def satellite_states(
@@ -150,21 +142,12 @@ def accuracy_m(
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SignalPaths:
-    """Straight ways from satellites to a receiver.
+    """Straight ways from satellites to a receiver."""
 
-    Attributes
-    ----------
-    range_m : ndarray, shape (n, m)
-        Distance travelled, with the Earth's turn meanwhile (Sagnac).
-    range_rate_mps : ndarray, shape (n, m)
-        Its rate of change with the time of reception.
-    e_e : ndarray, shape (n, m, 3)
-        Unit vectors from the receiver to the satellites, in the axes of the time of reception.
-    """
-
-    range_m: FloatArray
-    range_rate_mps: FloatArray
-    e_e: FloatArray
+    range_m: FloatArray  # (n, m): distance travelled, with the Earth's turn meanwhile (Sagnac)
+    range_rate_mps: FloatArray  # (n, m): its rate of change with the time of reception
+    # Unit vectors from the receiver to the satellites, in the axes of the time of reception.
+    e_e: FloatArray  # (n, m, 3)
 
 
 def signal_paths(

@@ -26,26 +26,16 @@ _BLOCK = 64  # epochs looked at together
 
 
 class Deciding(NamedTuple):
-    """What k epochs with redundant code tell, of m satellites.
+    """What k epochs with redundant code tell, of m satellites."""
 
-    Attributes
-    ----------
-    epoch : ndarray of int, shape (k,)
-        Which these are.
-    squares : ndarray, shape (k, 2)
-        Squared residuals per degree of freedom, over the variance of the code's noise, with models
-        and without.
-    stated : ndarray, shape (k, 3)
-        Degrees of freedom; squared residuals with models over the variance that messages, models
-        and noise have then; the mean logarithm of that variance over the noise's.
-    residuals : ndarray, shape (k, m)
-        Without models, over the noise; NaN where there is none.
-    """
-
-    epoch: IntArray
-    squares: FloatArray
-    stated: FloatArray
-    residuals: FloatArray
+    epoch: IntArray  # (k,): which these are
+    # Squared residuals per degree of freedom, over the variance of the code's noise, with models
+    # and without.
+    squares: FloatArray  # (k, 2)
+    # Degrees of freedom; squared residuals with models over the variance that messages, models and
+    # noise have then; the mean logarithm of that variance over the noise's.
+    stated: FloatArray  # (k, 3)
+    residuals: FloatArray  # (k, m): without models, over the noise; NaN where there is none
 
     @classmethod
     def of(
@@ -92,7 +82,7 @@ class Deciding(NamedTuple):
 
 
 def atmosphere_so_far(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
+    flight: Flight, observations: Observations, channels: CodeChannels
 ) -> BoolArray:
     """Return whether atmosphere models are to be applied at each epoch, (n,), by those up to it.
 
@@ -102,7 +92,7 @@ def atmosphere_so_far(
     if observations.earlier is not None:
         return np.full(n, observations.earlier.has_atmosphere)
     applied = np.ones(n, dtype=np.bool_)
-    deciding = _deciding(flight, observations, channels, antenna)
+    deciding = _deciding(flight, observations, channels)
     for count in _DECIDING:
         if count <= len(deciding.epoch):
             is_without = deciding.first(count).is_without(flight.broadcast)
@@ -110,23 +100,19 @@ def atmosphere_so_far(
     return applied
 
 
-def is_decided(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
-) -> bool:
+def is_decided(flight: Flight, observations: Observations, channels: CodeChannels) -> bool:
     """Return whether ``atmosphere_so_far`` says the same of all epochs to come."""
     if observations.earlier is not None:
         return True
-    return len(_deciding(flight, observations, channels, antenna).epoch) >= _DECIDING[-1]
+    return len(_deciding(flight, observations, channels).epoch) >= _DECIDING[-1]
 
 
-def _deciding(
-    flight: Flight, observations: Observations, channels: CodeChannels, antenna: int
-) -> Deciding:
+def _deciding(flight: Flight, observations: Observations, channels: CodeChannels) -> Deciding:
     """Return what the first epochs with redundant code tell."""
     n, blocks, count = len(observations.t_s), list[Deciding](), 0
     for first in range(0, n, _BLOCK):
         epoch = np.arange(first, min(first + _BLOCK, n))
-        ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
+        ranges = code_ranges(flight, observations, channels, 0, epoch, rates=False)
         wanted = np.isfinite(ranges.range_m)
         adjusted = (
             adjust(flight, channels, ranges, wanted, model=model, each=True)

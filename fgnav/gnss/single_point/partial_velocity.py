@@ -23,24 +23,13 @@ _FALSE_ALARM = 1e-4
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class PartialVelocity:
-    """Velocities known in some directions.
+    """Velocities known in some directions."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (k,)
-        Nominal epochs.
-    v_n_mps : ndarray, shape (k, 3)
-        One of the vectors that agree with what is known.
-    root : ndarray, shape (k, 3, 3)
-        ``root @ (true - v_n_mps)`` is white with unit variance; rows of zeros for what is open.
-    refused : int
-        Epochs left out because their measurements contradict each other.
-    """
-
-    t_s: FloatArray
-    v_n_mps: FloatArray
-    root: FloatArray
-    refused: int
+    t_s: FloatArray  # (k,): nominal epochs
+    v_n_mps: FloatArray  # (k, 3): one of the vectors that agree with what is known
+    # ``root @ (true - v_n_mps)`` is white with unit variance; rows of zeros for what is open.
+    root: FloatArray  # (k, 3, 3)
+    refused: int  # epochs left out because their measurements contradict each other
 
 
 def partial_velocities(

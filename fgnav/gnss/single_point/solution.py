@@ -7,7 +7,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze, losses_of
 from fgnav.geometry.earth import Origin
 from fgnav.gnss.single_point.adjustment import adjust
 from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
@@ -22,56 +22,29 @@ BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class CodeSolution:
-    """Where one antenna was, by its code observations alone, at the epochs that have an answer.
+    """Where one antenna was, by its code observations alone, at the epochs that have an answer."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (k,)
-        Nominal epochs. Positions are moved there from the true time of reception where a velocity
-        is known.
-    epoch : ndarray of int, shape (k,)
-        Their rows in the observations.
-    p_n_m : ndarray, shape (k, 3)
-    position_covariance_m2 : ndarray, shape (k, 3, 3)
-        With what messages and atmosphere models leave unexplained. That part hardly changes from
-        epoch to epoch: a filter that takes it for white noise would average it away.
-    position_noise_m2 : ndarray, shape (k, 3, 3)
-        The part of it that is new at every epoch: the receiver's noise.
-    drift_per_s : ndarray, shape (k, 3, 3)
-        Times an error of position that stays with satellites: how fast it moves as the sky turns.
-    v_n_mps : ndarray, shape (k, 3), or None
-        From Doppler; NaN at epochs without enough of it, None if there is none at all.
-    velocity_covariance_m2ps2 : ndarray, shape (k, 3, 3), or None
-    constellations : tuple of str, length c
-        Letters: ``"G"``.
-    clock_s : ndarray, shape (k, c)
-        Receiver clock minus each constellation's time; NaN where it was not seen.
-    clock_drift_sps : ndarray, shape (k,)
-        NaN without Doppler.
-    dop : ndarray, shape (k, 4)
-        Geometric, position, horizontal, vertical dilution of precision.
-    satellites : tuple of str, length m
-    used : ndarray of bool, shape (k, m)
-        Satellites that took part in the position.
-    atmosphere : bool
-        Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
-        epoch.
-    """
-
-    t_s: FloatArray
-    epoch: IntArray
-    p_n_m: FloatArray
-    position_covariance_m2: FloatArray
-    position_noise_m2: FloatArray
-    drift_per_s: FloatArray
-    v_n_mps: FloatArray | None
-    velocity_covariance_m2ps2: FloatArray | None
-    constellations: tuple[str, ...]
-    clock_s: FloatArray
-    clock_drift_sps: FloatArray
-    dop: FloatArray
+    # Nominal epochs. Positions are moved there from the true time of reception where a velocity is
+    # known.
+    t_s: FloatArray  # (k,)
+    epoch: IntArray  # (k,): their rows in the observations
+    p_n_m: FloatArray  # (k, 3)
+    # With what messages and atmosphere models leave unexplained. That part hardly changes from
+    # epoch to epoch: a filter that takes it for white noise would average it away.
+    position_covariance_m2: FloatArray  # (k, 3, 3)
+    # The part of it that is new at every epoch: the receiver's noise.
+    position_noise_m2: FloatArray  # (k, 3, 3)
+    # From Doppler; NaN at epochs without enough of it, None if there is none at all.
+    v_n_mps: FloatArray | None  # (k, 3)
+    velocity_covariance_m2ps2: FloatArray | None  # (k, 3, 3)
+    constellations: tuple[str, ...]  # letters: ``"G"``
+    # Receiver clock minus each constellation's time; NaN where it was not seen.
+    clock_s: FloatArray  # (k, c)
+    clock_drift_sps: FloatArray  # (k,): NaN without Doppler
     satellites: tuple[str, ...]
-    used: BoolArray
+    used: BoolArray  # (k, m): satellites that took part in the position
+    # Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
+    # epoch.
     atmosphere: bool
     losses: tuple[Loss, ...] = ()
 
@@ -83,12 +56,10 @@ class CodeSolution:
             "p_n_m": (k, 3),
             "position_covariance_m2": (k, 3, 3),
             "position_noise_m2": (k, 3, 3),
-            "drift_per_s": (k, 3, 3),
             "v_n_mps": (k, 3),
             "velocity_covariance_m2ps2": (k, 3, 3),
             "clock_s": (k, c),
             "clock_drift_sps": (k,),
-            "dop": (k, 4),
         }
         gaps = ("v_n_mps", "velocity_covariance_m2ps2", "clock_s", "clock_drift_sps")
         for name, shape in shapes.items():
@@ -98,30 +69,24 @@ class CodeSolution:
         freeze("code solution", self, {"used": (k, m)}, dtype=np.bool_)
 
 
-_Key = tuple[int, bool | None, bool]
-_CACHE: WeakKeyDictionary[Flight, dict[_Key, CodeSolution]] = WeakKeyDictionary()
+_CACHE: WeakKeyDictionary[Flight, dict[bool, CodeSolution]] = WeakKeyDictionary()  # by causal
 
 
-def code_solution(
-    flight: Flight, *, antenna: int = 0, atmosphere: bool | None = None, causal: bool = False
-) -> CodeSolution:
-    """Return the code solution of one antenna; computed once per flight.
+def code_solution(flight: Flight, *, causal: bool = False) -> CodeSolution:
+    """Return the code solution of the first antenna; computed once per flight.
 
     Weighted least squares per epoch: position and one receiver clock per constellation from one
     carrier of each, satellites above the flight's elevation mask. Variances add the flight's code
     noise, the message's accuracy and what the atmosphere models leave. While the chi-square test
     fails at 1e-4, the satellite with the largest normalised residual is dropped.
 
+    The broadcast ionosphere and Saastamoinen's troposphere are applied, but a simulated flight may
+    have no atmosphere: they are left out where that makes the median residuals of a sample of
+    epochs smaller, and as small as the stated code noise; where messages state an ionosphere, only
+    if that is far likelier as well (``atmosphere_choice``).
+
     Parameters
     ----------
-    antenna : int
-        Row in ``flight.antennas``.
-    atmosphere : bool or None
-        Apply the broadcast ionosphere and Saastamoinen's troposphere. None asks the data, because
-        a simulated flight may have no atmosphere: it is left out where that makes the median
-        residuals of a sample of epochs smaller, and as small as the stated code noise; where
-        messages state an ionosphere, only if that is far likelier as well
-        (``atmosphere_choice``).
     causal : bool
         Each epoch by epochs up to it alone: channels by those first seen, the atmosphere by the
         first 64 epochs with redundant code, decided anew whenever their number doubles. Velocities
@@ -133,51 +98,45 @@ def code_solution(
         If the flight lacks observations or orbits, or no epoch has a solution.
     """
     cached = _CACHE.setdefault(flight, {})
-    key = (antenna, atmosphere, causal)
-    if key not in cached:
-        cached[key] = _solve(flight, antenna, atmosphere, causal=causal)
-    return cached[key]
+    if causal not in cached:
+        cached[causal] = _solve(flight, causal=causal)
+    return cached[causal]
 
 
-def _solve(flight: Flight, antenna: int, atmosphere: bool | None, *, causal: bool) -> CodeSolution:
+def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
     observations = flight.observations
     if observations is None:
         raise NoSolutionError(f"flight {flight.name}: position needs GNSS observations")
-    name = flight.antennas[antenna].name
-    channels = code_channels(observations, antenna, causal=causal)
+    name = flight.antennas[0].name
+    channels = code_channels(observations, 0, causal=causal)
     if not channels.satellites:
         raise NoSolutionError(f"antenna {name}: no code observation of a supported satellite")
     n = len(observations.t_s)
-    starts, model = None, np.full(n, atmosphere is not False)
-    if not causal:
-        starts, applied = trial(flight, observations, channels, antenna, atmosphere)
+    starts = None
+    if causal:
+        model = atmosphere_so_far(flight, observations, channels)
+    else:
+        starts, applied = trial(flight, observations, channels)
         model = np.full(n, applied)
-    elif atmosphere is None:
-        model = atmosphere_so_far(flight, observations, channels, antenna)
     lost: Counter[tuple[str, str]] = Counter()
     blocks = []
     for first in range(0, n, BLOCK):
         epoch = np.arange(first, min(first + BLOCK, n))
-        ranges = code_ranges(flight, observations, channels, antenna, epoch)
+        ranges = code_ranges(flight, observations, channels, 0, epoch)
         solve = partial(adjust, flight, channels, ranges, model=model[epoch], each=causal)
         start_e_m = None if starts is None else starts.at(epoch)
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
     columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
-    losses = tuple(
-        Loss(what=f"{name} {what}", reason=reason, count=count)
-        for (what, reason), count in lost.items()
-        if count
-    )
+    losses = losses_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
     return _finish(
-        flight.origin, observations, antenna, channels, solved, losses, model=model, causal=causal
+        flight.origin, observations, channels, solved, losses, model=model, causal=causal
     )
 
 
 def _finish(
     origin: Origin,
     observations: Observations,
-    antenna: int,
     channels: CodeChannels,
     solved: SolvedBlock,
     losses: tuple[Loss, ...],
@@ -193,28 +152,21 @@ def _finish(
     t_s = observations.t_s[solved.epoch]
     first = np.isfinite(solved.clock_s).argmax(axis=1)
     clock_s = solved.clock_s[np.arange(len(t_s)), first]
-    late_s = observations.tag_s[solved.epoch, antenna] - clock_s - t_s
+    late_s = observations.tag_s[solved.epoch, 0] - clock_s - t_s
     moving = np.asarray(np.isfinite(solved.v_e_mps).all(axis=1))
     doppler = causal or bool(moving.any())
     v_e_mps = np.where(moving[:, None], solved.v_e_mps, 0.0)
-    geometry = solved.geometry[:, :3, :3]
-    variances = np.diagonal(R @ geometry @ R.T, axis1=1, axis2=2)
-    position = variances.sum(axis=1)
-    time = np.diagonal(solved.geometry, axis1=1, axis2=2)[:, 3]
-    dop = [position + time, position, variances[:, :2].sum(axis=1), variances[:, 2]]
     return CodeSolution(
         t_s=t_s,
         epoch=solved.epoch,
         p_n_m=origin.to_n(solved.p_e_m - v_e_mps * late_s[:, None]),
         position_covariance_m2=R @ solved.covariance_m2 @ R.T,
         position_noise_m2=R @ solved.noise_m2 @ R.T,
-        drift_per_s=R @ solved.drift_per_s @ R.T,
         v_n_mps=solved.v_e_mps @ R.T if doppler else None,
         velocity_covariance_m2ps2=(R @ solved.velocity_covariance_m2ps2 @ R.T if doppler else None),
         constellations=channels.constellations,
         clock_s=solved.clock_s,
         clock_drift_sps=solved.drift_sps,
-        dop=np.sqrt(np.stack(dop, axis=1)),
         satellites=channels.satellites,
         used=solved.used,
         atmosphere=bool(model[solved.epoch[-1]]),

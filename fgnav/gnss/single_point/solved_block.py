@@ -25,13 +25,11 @@ class SolvedBlock:
     p_e_m: FloatArray
     covariance_m2: FloatArray
     noise_m2: FloatArray
-    drift_per_s: FloatArray
     clock_s: FloatArray
     v_e_mps: FloatArray
     velocity_covariance_m2ps2: FloatArray
     drift_sps: FloatArray
     used: BoolArray
-    geometry: FloatArray  # (n, 3 + c, 3 + c) covariance for unit variances
 
 
 def solved_block(
@@ -55,7 +53,6 @@ def solved_block(
     geometry = fit(eq.A, eq.y, np.ones_like(eq.y), at.use).covariance
     flat = np.trace(geometry, axis1=1, axis2=2) > _MAX_DOP**2
     good = at.converged & at.fits.consistent & ~flat
-    turning = _turning(ranges, at)
     v, velocity_covariance, drift = _velocities(noise, ranges, at, good, lost)
     code = "code observation"
     lost[code, "satellite not healthy"] += int((ranges.coded & ranges.states.unhealthy).sum())
@@ -77,24 +74,12 @@ def solved_block(
         at.p_e_m[good],
         at.fits.covariance[good, :3, :3],
         np.einsum("nim,nm,njm->nij", gain, noise_m2, gain),
-        gain @ turning[good],
         at.fits.x[good, 3:] / C_MPS,
         v[good],
         velocity_covariance[good],
         drift[good],
         at.use[good],
-        geometry[good],
     )
-
-
-def _turning(ranges: CodeRanges, at: Adjusted) -> FloatArray:
-    """Return how fast directions to satellites turn, (n, m, 3), 1/s, Earth-fixed axes; 0 unused.
-
-    Of an antenna at rest: a hundred metres a second add 3 %.
-    """
-    paths = signal_paths(ranges.states, at.p_e_m, np.zeros_like(at.p_e_m))
-    across = ranges.states.v_e_mps - paths.range_rate_mps[:, :, None] * paths.e_e
-    return np.where(at.use[:, :, None], across / paths.range_m[:, :, None], 0.0)
 
 
 def _velocities(

@@ -33,18 +33,14 @@ def trial(
     flight: Flight,
     observations: Observations,
     channels: CodeChannels,
-    antenna: int,
-    atmosphere: bool | None,
 ) -> tuple[Starts, bool]:
     """Solve a sample of the flight's epochs; return it, and whether there is an atmosphere."""
     epoch = np.linspace(0, len(observations.t_s) - 1, _TRIAL_EPOCHS).astype(np.int64)
     epoch = np.unique(epoch)
-    ranges = code_ranges(flight, observations, channels, antenna, epoch, rates=False)
+    ranges = code_ranges(flight, observations, channels, 0, epoch, rates=False)
     wanted = np.isfinite(ranges.range_m)
-    tried = adjust(flight, channels, ranges, wanted, model=atmosphere is not False)
+    tried = adjust(flight, channels, ranges, wanted, model=True)
     starts = Starts(epoch[tried.converged], tried.p_e_m[tried.converged])
-    if atmosphere is not None:
-        return starts, atmosphere
     start_e_m = starts.at(epoch)
     without = adjust(flight, channels, ranges, wanted, model=False, start_e_m=start_e_m)
     deciding = Deciding.of(flight.gnss_noise, epoch, tried, without)

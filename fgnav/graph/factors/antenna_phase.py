@@ -80,38 +80,18 @@ class ArcBlock(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AntennaPhase:
-    """Phases of an antenna at k keyframes.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-        Keyframes, increasing.
-    rows : sequence of PhaseRows, length k
-        Made on demand, as a rule: take each but once.
-    block : ndarray of int, shape (k,)
-        Which block's A each has.
-    blocks : sequence of ArcBlock
-        As the rows.
-    arm_b_m : ndarray, shape (k, 3)
-        From the accelerometer to the antenna.
-    lever_column : int
-        First of the three constants l; -1 where the lever arm is known.
-    constants : Constants
-    first_block : int
-        Number of the first of the blocks: of phases that go on.
-    earlier : tuple of (int, sequence of ArcBlock)
-        Blocks as they were before a keyframe, in turn, with integers that were taken back there.
-    """
+    """Phases of an antenna at k keyframes."""
 
     name: ClassVar[str] = "phase"  # in reports
-    row: IntArray
-    rows: Sequence[PhaseRows]
-    block: IntArray
-    blocks: Sequence[ArcBlock]
-    arm_b_m: FloatArray
-    lever_column: int
+    row: IntArray  # (k,): keyframes, increasing
+    rows: Sequence[PhaseRows]  # length k: made on demand, as a rule: take each but once
+    block: IntArray  # (k,): which block's A each has
+    blocks: Sequence[ArcBlock]  # as the rows
+    arm_b_m: FloatArray  # (k, 3): from the accelerometer to the antenna
+    lever_column: int  # first of the three constants l; -1 where the lever arm is known
     constants: Constants
-    first_block: int = 0
+    first_block: int = 0  # number of the first of the blocks: of phases that go on
+    # Blocks as they were before a keyframe, in turn, with integers that were taken back there.
     earlier: tuple[tuple[int, Sequence[ArcBlock]], ...] = ()
 
     @property

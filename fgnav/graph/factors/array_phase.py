@@ -18,10 +18,10 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -36,48 +36,32 @@ class ArrayPhase(SensorRows):
     """Quadratic forms of the rotation: nine rows.
 
     ``r = (root (vec(R_nb) + c - vec(minimum)) + sqrt(s) B z) / sqrt(1 - s)``.
-
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    root, minimum : ndarray, shape (k, 9, 9) and (k, 3, 3)
-        ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices
-        by row.
-    element_column : ndarray of int, shape (k,)
-        First of the nine constants c of the stretch that an epoch without integers is in; -1 of
-        epochs with integers.
-    constants : Constants
-    share : ndarray, shape (k,)
-        s, 0 where errors are white.
-    basis : ndarray, shape (9, q)
-        B; z is the end of the keyframe's ``aux``.
     """
 
-    name: ClassVar[str] = "array phases"  # in reports
-    root: FloatArray
-    minimum: FloatArray
-    element_column: IntArray
+    name: ClassVar[str] = "array phases"
+    whitening: ClassVar[str] = "root"
+    # ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices by
+    # row.
+    root: FloatArray  # (k, 9, 9)
+    minimum: FloatArray  # (k, 3, 3)
+    # First of the nine constants c of the stretch that an epoch without integers is in; -1 of
+    # epochs with integers.
+    element_column: IntArray  # (k,)
     constants: Constants
-    share: FloatArray = field(default_factory=lambda: np.zeros(0))
-    basis: FloatArray = field(default_factory=lambda: np.zeros((9, 0)))
+    # s, 0 where errors are white.
+    share: FloatArray = field(default_factory=lambda: np.zeros(0))  # (k,)
+    # B; z is the end of the keyframe's ``aux``.
+    basis: FloatArray = field(default_factory=lambda: np.zeros((9, 0)))  # (9, q)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
-        q = self.basis.shape[-1]
+        k, q = len(self.row), self.basis.shape[-1]
         if not q:
             object.__setattr__(self, "share", np.zeros(k))
         object.__setattr__(self, "root", np.ascontiguousarray(self.root))  # compiled once
-        freeze(
-            self,
-            {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)},
-            {"row": (k,), "element_column": (k,)},
-        )
-
-    @property
-    def freedom(self) -> IntArray:
-        """Rows of the root that are not zero, (k,)."""
-        return np.asarray(self.root.any(axis=2).sum(axis=1))
+        shapes = {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)}
+        freeze(self.name, self, shapes)
+        freeze(self.name, self, {"row": (k,), "element_column": (k,)}, dtype=int)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
@@ -115,10 +99,9 @@ def _kernel(
     share: FloatArray,
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 9)), np.zeros((j, 9, D)), np.zeros((j, 9, b))
+    value, state, shared = room(at, which, 9)
     apart = np.empty(9)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         first, white, q = element_column[i], 1 / np.sqrt(1 - share[i]), basis.shape[1]
         for e in range(9):
@@ -139,6 +122,6 @@ def _kernel(
             if share[i] > 0.0:  # then the keyframe has a z
                 lasting = white * np.sqrt(share[i])
                 for e in range(q):
-                    state[k, m, D - q + e] = lasting * basis[m, e]
+                    state[k, m, state.shape[2] - q + e] = lasting * basis[m, e]
                     value[k, m] += lasting * basis[m, e] * at.aux[k, at.aux.shape[1] - q + e]
     return value, state, shared

@@ -17,10 +17,10 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -29,45 +29,23 @@ from fgnav.kernels.compiled import kernel
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ArrayShape(SensorRows):
-    """Quadratic forms of a baselines in ``n``, three rows for each baseline.
+    """Quadratic forms of a baselines in ``n``, three rows for each baseline."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    root : ndarray, shape (k, 3 a, 3 a)
-        Of the information about all baselines, one after another.
-    minimum_n_m : ndarray, shape (k, a, 3)
-    baselines_b_m : ndarray, shape (a, 3)
-        d, as the flight states them.
-    column : ndarray of int, shape (a,)
-        First of the three constants c_i of each antenna; -1 of those that stand where stated.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "array phases"  # in reports
-    root: FloatArray
-    minimum_n_m: FloatArray
-    baselines_b_m: FloatArray
-    column: IntArray
+    name: ClassVar[str] = "array phases"
+    whitening: ClassVar[str] = "root"
+    root: FloatArray  # (k, 3 a, 3 a): of the information about all baselines, one after another
+    minimum_n_m: FloatArray  # (k, a, 3)
+    baselines_b_m: FloatArray  # (a, 3): d, as the flight states them
+    # First of the three constants c_i of each antenna; -1 of those that stand where stated.
+    column: IntArray  # (a,)
     constants: Constants
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         k, a = len(self.row), len(self.baselines_b_m)
-        freeze(
-            self,
-            {
-                "root": (k, 3 * a, 3 * a),
-                "minimum_n_m": (k, a, 3),
-                "baselines_b_m": (a, 3),
-            },
-            {"row": (k,), "column": (a,)},
-        )
-
-    @property
-    def freedom(self) -> IntArray:
-        """Rows of the root that are not zero, (k,)."""
-        return np.asarray(self.root.any(axis=2).sum(axis=1))
+        shapes = {"root": (k, 3 * a, 3 * a), "minimum_n_m": (k, a, 3), "baselines_b_m": (a, 3)}
+        freeze(self.name, self, shapes)
+        freeze(self.name, self, {"row": (k,), "column": (a,)}, dtype=int)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
@@ -92,10 +70,9 @@ def _kernel(
     baselines_b_m: FloatArray,
     column: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, m, D, b = len(which), root.shape[1], 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))
+    value, state, shared = room(at, which, root.shape[1])
     arm = np.empty(3)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         for a in range(len(baselines_b_m)):
             for c in range(3):
@@ -108,7 +85,7 @@ def _kernel(
             part = np.ascontiguousarray(root[i, :, 3 * a : 3 * a + 3])
             residual = rot.times(part, apart)
             turned, moved = rot.product(part, by_turn), rot.product(part, R)
-            for e in range(m):
+            for e in range(len(residual)):
                 value[k, e] += residual[e]
                 for c in range(3):
                     state[k, e, c] -= turned[e, c]

@@ -15,62 +15,37 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
-import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, positive
+from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BarometricHeight(SensorRows):
-    """Barometric heights, one row each.
+    """Barometric heights, one row each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    down_n_m : ndarray, shape (k,)
-        h, where the port is along the third axis of ``n``.
-    sigma_m : float
-        Of what is new at each keyframe.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the port.
-    column : int
-        First of the constants o, metres along the third axis of ``n``; -1 where there are none.
-    node : ndarray of int, shape (k,)
-        i, the node at or before each keyframe.
-    share : ndarray, shape (k,)
-        s, of the node after that: 0 to 1.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "barometric height"  # in reports
-    down_n_m: FloatArray
-    sigma_m: float
-    arm_b_m: FloatArray
+    name: ClassVar[str] = "barometric height"
+    shapes: ClassVar[Shapes] = {"down_n_m": ("k",), "arm_b_m": (3,), "share": ("k",)}
+    rows: ClassVar[int] = 1
+    down_n_m: FloatArray  # (k,): h, where the port is along the third axis of ``n``
+    sigma_m: float  # of what is new at each keyframe
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the port
+    # First of the constants o, metres along the third axis of ``n``; -1 where there are none.
     column: int
-    node: IntArray
-    share: FloatArray
+    node: IntArray  # (k,): i, the node at or before each keyframe
+    share: FloatArray  # (k,): s, of the node after that: 0 to 1
     constants: Constants
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"down_n_m": (k,), "arm_b_m": (3,), "share": (k,)},
-            {"row": (k,), "node": (k,)},
-        )
+        SensorRows.__post_init__(self)
+        freeze(self.name, self, {"node": self.row.shape}, dtype=int)
         positive("barometric height sigma_m", self.sigma_m)
-
-    @property
-    def freedom(self) -> IntArray:
-        """One of each, (k,)."""
-        return np.ones(len(self.row), dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of heights ``which``, (j,); see ``Sensor``."""
@@ -108,9 +83,8 @@ def _kernel(
     node: IntArray,
     share: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 1)), np.zeros((j, 1, D)), np.zeros((j, 1, b))
-    for k in range(j):
+    value, state, shared = room(at, which, 1)
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         apart = at.p_n_m[k, 2] - down_n_m[i]
         for c in range(3):

@@ -19,9 +19,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -30,37 +30,16 @@ _LEVEL = 1e-6  # square of the level part of a baseline over its own, below whic
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BaselineVector(SensorRows):
-    """Vectors from one antenna to another in ``n``, three rows each.
+    """Vectors from one antenna to another in ``n``, three rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_m : ndarray, shape (k, 3)
-        z_n; of headings e_1.
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; of headings e_2 over sigma, and rows of zeros.
-    baseline_b_m : ndarray, shape (3,)
-    dimensions : int
-        3 of a vector, 2 of a direction, 1 of a heading.
-    constants : Constants
-        Of the flight, none of which it depends on.
-    """
-
-    name: ClassVar[str] = "baseline"  # in reports
-    value_n_m: FloatArray
-    white: FloatArray
-    baseline_b_m: FloatArray
-    dimensions: int
-    constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"value_n_m": (k, 3), "white": (k, 3, 3), "baseline_b_m": (3,)},
-            {"row": (k,)},
-        )
+    name: ClassVar[str] = "baseline"
+    shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "baseline_b_m": (3,)}
+    value_n_m: FloatArray  # (k, 3): z_n; of headings e_1
+    # W: inverse Cholesky factors of covariances; of headings e_2 over sigma, and rows of zeros.
+    white: FloatArray  # (k, 3, 3)
+    baseline_b_m: FloatArray  # (3,)
+    dimensions: int  # 3 of a vector, 2 of a direction, 1 of a heading
+    constants: Constants  # of the flight, none of which it depends on
 
     @property
     def freedom(self) -> IntArray:
@@ -86,12 +65,11 @@ def _kernel(
     baseline_b_m: FloatArray,
     is_heading: bool,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     cross, least = rot.skew(baseline_b_m), 0.0
     for c in range(3):
         least += _LEVEL * baseline_b_m[c] ** 2
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         white, v_n = whites[i], rot.times(R, baseline_b_m)
         by_turn = rot.product(R, cross)  # v_n changes by minus it

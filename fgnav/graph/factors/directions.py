@@ -13,18 +13,12 @@ _SINGULAR = 1e-12  # of two variances' ratio: of smaller ones rounding leaves no
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Directions:
-    """Unit vectors at keyframes, body axes; NaN rows where there is none.
+    """Unit vectors at keyframes, body axes; NaN rows where there is none."""
 
-    Attributes
-    ----------
-    e_b : ndarray, shape (n, 3)
-    across_b : ndarray, shape (n, 2, 3)
-        What whitens them, the root of their information: ``across_b @ u_b`` is by how many sigmas a
-        unit vector u_b lies beside e_b, whose own is zero. Zeros where there is none.
-    """
-
-    e_b: FloatArray
-    across_b: FloatArray
+    e_b: FloatArray  # (n, 3)
+    # What whitens them, the root of their information: ``across_b @ u_b`` is by how many sigmas a
+    # unit vector u_b lies beside e_b, whose own is zero. Zeros where there is none.
+    across_b: FloatArray  # (n, 2, 3)
 
     @classmethod
     def of(cls, what: str, e_b: FloatArray, covariance: FloatArray) -> "Directions":
@@ -66,7 +60,7 @@ class Directions:
         """Return some of them."""
         return Directions(e_b=self.e_b[rows], across_b=self.across_b[rows])
 
-    def at(self, rows: IntArray, n: int) -> "Directions":
+    def scatter(self, rows: IntArray, n: int) -> "Directions":
         """Return them among n keyframes, of which ``rows`` are those so far."""
         e_b, across_b = np.full((n, 3), np.nan), np.zeros((n, 2, 3))
         e_b[rows], across_b[rows] = self.e_b, self.across_b

@@ -14,51 +14,31 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
-import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.factors.tilt_kernel import ABOUT_X, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Gravity(SensorRows):
-    """Directions of gravity, two rows each.
+    """Directions of gravity, two rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    known_n : ndarray, shape (k, 3)
-        Unit vectors of gravity at the keyframes.
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    tilt_column : int
-        First of the two constants t; -1 where the instrument stands as stated.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "gravity"  # in reports
-    known_n: FloatArray
-    across_b: FloatArray
-    tilt_column: int
+    name: ClassVar[str] = "gravity"
+    shapes: ClassVar[Shapes] = {"known_n": ("k", 3), "across_b": ("k", 2, 3)}
+    rows: ClassVar[int] = 2
+    known_n: FloatArray  # (k, 3): unit vectors of gravity at the keyframes
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    tilt_column: int  # first of the two constants t; -1 where the instrument stands as stated
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"known_n": (k, 3), "across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
@@ -78,11 +58,10 @@ class Gravity(SensorRows):
 def _kernel(
     at: States, which: IntArray, known_n: FloatArray, across_b: FloatArray, column: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     minus_tilt = tilt(at.constants, column, ABOUT_X)
     turn = rot.exp(minus_tilt)
-    for k in range(j):
+    for k in range(len(which)):
         i = which[k]
         u_b = rot.times(rot.transposed(at.R_nb[k]), known_n[i])
         across = rot.product(across_b[i], turn)

@@ -15,44 +15,25 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class LineOfSight(SensorRows):
-    """Directions from the accelerometer to a landmark, two rows each.
+    """Directions from the accelerometer to a landmark, two rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    landmark_column : int
-        First of the three constants l_n, a place in ``n``.
-    boresight_column : int
-        First of the two constants t; -1 where the detector stands as stated.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "line of sight"  # in reports
-    across_b: FloatArray
-    landmark_column: int
-    boresight_column: int
+    name: ClassVar[str] = "line of sight"
+    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3)}
+    rows: ClassVar[int] = 2
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    landmark_column: int  # first of the three constants l_n, a place in ``n``
+    boresight_column: int  # first of the two constants t; -1 where the detector stands as stated
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"across_b": (k, 2, 3)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
@@ -76,11 +57,10 @@ class LineOfSight(SensorRows):
 def _kernel(
     at: States, which: IntArray, across_b: FloatArray, landmark: int, boresight: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     minus_tilt, flat = tilt(at.constants, boresight, ABOUT_Y), np.empty((3, 3))
     turn, way_n_m = rot.exp(minus_tilt), np.empty(3)
-    for k in range(j):
+    for k in range(len(which)):
         i, to_b = which[k], rot.transposed(at.R_nb[k])
         for c in range(3):
             way_n_m[c] = at.constants[landmark + c] - at.p_n_m[k, c]

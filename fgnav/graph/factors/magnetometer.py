@@ -1,10 +1,10 @@
 """Directions of the magnetic field in body axes, the vehicle's own field among it.
 
-``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, which may
-drift steadily, A the whitening rows across the measured direction [1]_. Only the direction counts:
-with the size, a hard iron that takes some of the Earth's field away would make every residual
-smaller. So r is the sine of the angle to the measured direction, and against it zero again; there,
-from 90 degrees on, r is lengthened to two less that sine, by ``(2 - s) / s``.
+``r = A (R_nb' m_n + o_b) / |R_nb' m_n + o_b|``: m_n the Earth's field, o_b the hard iron, A
+the whitening rows across the measured direction [1]_. Only the direction counts: with the size, a
+hard iron that takes some of the Earth's field away would make every residual smaller. So r is the
+sine of the angle to the measured direction, and against it zero again; there, from 90 degrees on, r
+is lengthened to two less that sine, by ``(2 - s) / s``.
 
 References
 ----------
@@ -12,7 +12,7 @@ References
    edition, 2013, section 6.1.1: the Earth's field and hard iron.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
@@ -22,9 +22,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.factors.directions import native
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -33,49 +33,23 @@ _LEAST_SINE = 1e-3  # nearer to the opposite no direction leads away from it
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class MagneticField(SensorRows):
-    """Directions of the magnetic field, two rows each.
+    """Directions of the magnetic field, two rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    across_b : ndarray, shape (k, 2, 3)
-        Whitening rows of the measured unit vectors; see ``Directions``.
-    field_n_ut : ndarray, shape (3,)
-        m_n, of the Earth.
-    iron_column : int
-        First of the three constants o_b, uT; -1 where there is none.
-    constants : Constants
-    drift_column : int
-        First of three constants by which o_b changes in a second, uT/s; for chains alone.
-    since_s : ndarray, shape (k,)
-        Since o_b is what its constants are; zeros unless it drifts.
-    """
-
-    name: ClassVar[str] = "magnetic field"  # in reports
-    across_b: FloatArray
-    field_n_ut: FloatArray
-    iron_column: int
+    name: ClassVar[str] = "magnetic field"
+    shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3), "field_n_ut": (3,)}
+    rows: ClassVar[int] = 2
+    # Whitening rows of the measured unit vectors; see ``Directions``.
+    across_b: FloatArray  # (k, 2, 3)
+    field_n_ut: FloatArray  # (3,): m_n, of the Earth
+    iron_column: int  # first of the three constants o_b, uT; -1 where there is none
     constants: Constants
-    drift_column: int = -1
-    since_s: FloatArray = field(default_factory=lambda: np.empty(0))
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        if self.drift_column < 0:
-            object.__setattr__(self, "since_s", np.zeros(k))
-        freeze(self, {"across_b": (k, 2, 3), "field_n_ut": (3,), "since_s": (k,)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
-        columns = self.iron_column, max(self.iron_column, self.drift_column)
-        of_field = self.across_b, self.field_n_ut, self.since_s
-        return Linearised._make(_kernel(*contiguous(at, which), *of_field, *columns))
+        at, which = contiguous(at, which)
+        return Linearised._make(
+            _kernel(at, which, self.across_b, self.field_n_ut, self.iron_column)
+        )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return direction i as a factor of keyframe ``key``: native without hard iron."""
@@ -109,19 +83,16 @@ def _kernel(
     which: IntArray,
     across_b: FloatArray,
     field_n_ut: FloatArray,
-    since_s: FloatArray,
     iron: int,
-    drift: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 2)), np.zeros((j, 2, D)), np.zeros((j, 2, b))
+    value, state, shared = room(at, which, 2)
     sum_b, flat = np.empty(3), np.empty((3, 3))
-    for k in range(j):
+    for k in range(len(which)):
         i, earth_b = which[k], rot.times(rot.transposed(at.R_nb[k]), field_n_ut)
         for c in range(3):
             sum_b[c] = earth_b[c]
             if iron >= 0:
-                sum_b[c] += at.constants[iron + c] + at.constants[drift + c] * since_s[i]
+                sum_b[c] += at.constants[iron + c]
         size = np.sqrt(sum_b[0] ** 2 + sum_b[1] ** 2 + sum_b[2] ** 2)
         u_b = rot.scaled(sum_b, 1.0 / size)
         for r in range(3):
@@ -136,5 +107,4 @@ def _kernel(
                 state[k, m, c] = by_turn[m, c]
                 if iron >= 0:
                     shared[k, m, iron + c] += by_field[m, c]
-                    shared[k, m, drift + c] += by_field[m, c] * since_s[i]
     return value, state, shared

@@ -19,50 +19,26 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Position(SensorRows):
-    """Positions of an antenna in ``n``, three rows each.
+    """Positions of an antenna in ``n``, three rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_m : ndarray, shape (k, 3)
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the antenna.
-    lever_column : int
-        First of the three constants l_b; -1 where the lever arm is known.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "position"  # in reports
-    value_n_m: FloatArray
-    white: FloatArray
-    arm_b_m: FloatArray
-    lever_column: int
+    name: ClassVar[str] = "position"
+    whitening: ClassVar[str] = "white"
+    shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "arm_b_m": (3,)}
+    value_n_m: FloatArray  # (k, 3)
+    # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    white: FloatArray  # (k, 3, 3)
+    arm_b_m: FloatArray  # (3,): from the accelerometer to the antenna
+    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {"value_n_m": (k, 3), "white": (k, 3, 3), "arm_b_m": (3,)},
-            {"row": (k,)},
-        )
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of positions ``which``, (j,); see ``Sensor``."""
@@ -94,14 +70,13 @@ def _kernel(
     arm_b_m: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     arm, apart = arm_b_m.copy(), np.empty(3)
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         white = whites[i]
         turned, at_antenna = rot.product(white, R), rot.times(R, arm)

@@ -16,13 +16,13 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, frozen
+from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, freeze
+from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
 
@@ -32,54 +32,27 @@ _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled fo
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Velocity(SensorRows):
-    """Velocities of an antenna in ``n``, three rows each.
+    """Velocities of an antenna in ``n``, three rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    value_n_mps : ndarray, shape (k, 3)
-    white : ndarray, shape (k, 3, 3)
-        W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
-    arm_b_m : ndarray, shape (3,)
-        From the accelerometer to the antenna; zero of velocities of the accelerometer itself.
-    measured_b_radps : ndarray, shape (k, 3), or None
-        The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
-    earth_rate_n_radps : ndarray, shape (3,)
-    lever_column : int
-        First of the three constants l_b; -1 where the lever arm is known.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = "velocity"  # in reports
-    value_n_mps: FloatArray
-    white: FloatArray
-    arm_b_m: FloatArray
-    measured_b_radps: FloatArray | None
-    earth_rate_n_radps: FloatArray
-    lever_column: int
+    name: ClassVar[str] = "velocity"
+    whitening: ClassVar[str] = "white"
+    shapes: ClassVar[Shapes] = {
+        "value_n_mps": ("k", 3),
+        "white": ("k", 3, 3),
+        "arm_b_m": (3,),
+        "measured_b_radps": ("k", 3),
+        "earth_rate_n_radps": (3,),
+    }
+    value_n_mps: FloatArray  # (k, 3)
+    # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
+    white: FloatArray  # (k, 3, 3)
+    # From the accelerometer to the antenna; zero of velocities of the accelerometer itself.
+    arm_b_m: FloatArray  # (3,)
+    # The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
+    measured_b_radps: FloatArray | None  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
+    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(
-            self,
-            {
-                "value_n_mps": (k, 3),
-                "white": (k, 3, 3),
-                "arm_b_m": (3,),
-                "earth_rate_n_radps": (3,),
-            },
-            {"row": (k,)},
-        )
-        if self.measured_b_radps is not None:
-            rate = frozen("velocity measured_b_radps", self.measured_b_radps, (k, 3))
-            object.__setattr__(self, "measured_b_radps", rate)
-
-    @property
-    def freedom(self) -> IntArray:
-        """Directions that are known, (k,)."""
-        return np.asarray(self.white.any(axis=2).sum(axis=1))
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of velocities ``which``, (j,); see ``Sensor``."""
@@ -117,14 +90,13 @@ def _kernel(
     earth_rate_n_radps: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
-    value, state, shared = np.zeros((j, 3)), np.zeros((j, 3, D)), np.zeros((j, 3, b))
+    value, state, shared = room(at, which, 3)
     arm, apart, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(j):
+    for k in range(len(which)):
         i, R = which[k], at.R_nb[k]
         # A state of the rate is that against n, a gyroscope's that against inertial space.
         earth_b = rot.scaled(rot.times(rot.transposed(R), earth_rate_n_radps), (1.0 - sign) / 2)

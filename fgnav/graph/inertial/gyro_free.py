@@ -40,13 +40,13 @@ from fgnav.graph.inertial.gyro_free_kernel import ROWS, Filled, Rows
 from fgnav.graph.inertial.increments import increments, parents
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.path_kernel import Intervals
+from fgnav.graph.types.arrays import check_shapes
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.motion import EVERY, LinearisedMotion, NoiseParts
+from fgnav.graph.types.motion import EVERY, INTEGRATION_M2, LinearisedMotion, NoiseParts
 from fgnav.graph.types.states import AUX, States
 from fgnav.process import matern
 from fgnav.types.flight import Imu
 
-INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 _VECTOR = 12  # accelerometer bias, rate, its two derivatives
 
 
@@ -55,41 +55,21 @@ class GyroFree:
     """The motion between n keyframes of a flight without a gyroscope.
 
     A caller splits intervals such that the rate times their length stays below 0.7 rad.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    imu : Imu
-        Without a gyroscope, or with one that is not used.
-    sub_steps : int
-        Of one sample of the accelerometer.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-        Where each keyframe is.
-    earth_rate_n_radps : ndarray, shape (3,)
-    poles_per_s : ndarray, shape (n - 1, 3, 3)
-        Of the rate's process in each interval, about each body axis.
-    variance_rad2ps2 : ndarray, shape (n - 1, 3)
-        Its variance about each body axis.
-    accelerometer_noise : ndarray, shape (n - 1,)
-        Power spectral density of the specific force, (m/s2)^2/Hz.
-    rate_column : int
-        First column of the mean rate among the constants.
-    constants : Constants
-    multipath : Multipath or None
-        Lasting error of the array's phases, at the keyframes.
     """
 
-    t_s: FloatArray
-    imu: Imu
-    sub_steps: int
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
-    poles_per_s: FloatArray
-    variance_rad2ps2: FloatArray
-    accelerometer_noise: FloatArray
-    rate_column: int
+    t_s: FloatArray  # (n,)
+    imu: Imu  # without a gyroscope, or with one that is not used
+    sub_steps: int  # of one sample of the accelerometer
+    gravity_n_mps2: FloatArray  # (n, 3): where each keyframe is
+    earth_rate_n_radps: FloatArray  # (3,)
+    # Of the rate's process in each interval, about each body axis.
+    poles_per_s: FloatArray  # (n - 1, 3, 3)
+    variance_rad2ps2: FloatArray  # (n - 1, 3): its variance about each body axis
+    # Power spectral density of the specific force, (m/s2)^2/Hz.
+    accelerometer_noise: FloatArray  # (n - 1,)
+    rate_column: int  # first column of the mean rate among the constants
     constants: Constants
-    multipath: Multipath | None = None
+    multipath: Multipath | None = None  # lasting error of the array's phases, at the keyframes
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)
 
@@ -108,10 +88,7 @@ class GyroFree:
             "variance_rad2ps2": (n - 1, 3),
             "accelerometer_noise": (n - 1,),
         }
-        for name, shape in shapes.items():
-            got = getattr(self, name).shape
-            if got != shape:
-                raise BadInputError(f"gyro-free {name}: expected shape {shape}, got {got}")
+        check_shapes("gyro-free", self, shapes)
         if not 0 <= self.rate_column <= self.constants.width - 3:
             raise BadInputError("gyro-free rate_column: the mean rate is not among the constants")
         object.__setattr__(self, "_intervals", self._prepared())
@@ -121,7 +98,8 @@ class GyroFree:
         cut = increments(self.imu, self.t_s, self.sub_steps)
         span_s = np.diff(self.t_s)
         F, H, W = matern.intervals(span_s, self.poles_per_s)
-        lasting, white = self._lasting_transition()
+        none = np.zeros((len(span_s), 0, 0))
+        lasting, white = (none, none) if self.multipath is None else self.multipath.transition()
         walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
         return Intervals(
             span_s=span_s,
@@ -139,11 +117,6 @@ class GyroFree:
             lasting=_contiguous(lasting),
             lasting_white=_contiguous(white),
         )
-
-    def _lasting_transition(self) -> tuple[FloatArray, FloatArray]:
-        if self.multipath is None:
-            return np.zeros((len(self.t_s) - 1, 0, 0)), np.zeros((len(self.t_s) - 1, 0, 0))
-        return self.multipath.transition()
 
     @property
     def _lasting(self) -> int:

@@ -20,23 +20,13 @@ _GAP = 2.5  # a cell longer than that many sample periods is bridged by a straig
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Increments:
-    """Specific force and rate at the middles of the sub-steps between n keyframes.
+    """Specific force and rate at the middles of the sub-steps between n keyframes."""
 
-    Attributes
-    ----------
-    step_s : ndarray, shape (n - 1,)
-        Length of the sub-steps of each interval.
-    first : ndarray of int, shape (n,)
-        Index of each interval's first sub-step; the last entry is their number, k.
-    f_b_mps2 : ndarray, shape (k, 3)
-    w_b_radps : ndarray, shape (k, 3), or None
-        Against inertial space; None without a gyroscope.
-    """
-
-    step_s: FloatArray
-    first: IntArray
-    f_b_mps2: FloatArray
-    w_b_radps: FloatArray | None
+    step_s: FloatArray  # (n - 1,): length of the sub-steps of each interval
+    # Index of each interval's first sub-step; the last entry is their number, k.
+    first: IntArray  # (n,)
+    f_b_mps2: FloatArray  # (k, 3)
+    w_b_radps: FloatArray | None  # (k, 3): against inertial space; None without a gyroscope
 
     def of(
         self, intervals: IntArray, most: int | None = None

@@ -16,45 +16,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, frozen
+from fgnav.checks import FloatArray, freeze
 from fgnav.graph.inertial.increments import parents
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Multipath:
-    """A lasting error of an array's phases, at n keyframes.
+    """A lasting error of an array's phases, at n keyframes."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    basis : ndarray, shape (9, q)
-        Orthonormal; of the elements of R_nb by row.
-    share : ndarray, shape (n,)
-        Of the phases' variance, from 0 to 1.
-    decay_per_s : ndarray, shape (n - 1,)
-        Inverse time constant.
-    kept : ndarray, shape (n - 1, q, q)
-        ``N_1^-1/2 N_01 N_0^-1/2``, by the basis.
-    """
-
-    t_s: FloatArray
-    basis: FloatArray
-    share: FloatArray
-    decay_per_s: FloatArray
-    kept: FloatArray
+    t_s: FloatArray  # (n,)
+    basis: FloatArray  # (9, q): orthonormal; of the elements of R_nb by row
+    share: FloatArray  # (n,): of the phases' variance, from 0 to 1
+    decay_per_s: FloatArray  # (n - 1,): inverse time constant
+    kept: FloatArray  # (n - 1, q, q): ``N_1^-1/2 N_01 N_0^-1/2``, by the basis
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         n, q = len(self.t_s), self.basis.shape[-1]
-        shapes = {
-            "t_s": (n,),
-            "basis": (9, q),
-            "share": (n,),
-            "decay_per_s": (n - 1,),
-            "kept": (n - 1, q, q),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen(f"multipath {name}", getattr(self, name), shape))
+        shapes = {"t_s": (n,), "basis": (9, q), "share": (n,), "decay_per_s": (n - 1,)}
+        freeze("multipath", self, shapes | {"kept": (n - 1, q, q)})
 
     @property
     def size(self) -> int:
@@ -76,17 +56,6 @@ class Multipath:
         """
         rho = np.exp(-np.median(np.diff(self.t_s)) * self.decay_per_s.mean())
         return np.asarray(1 + self.share * 2 * rho / (1 - rho))
-
-    def on(self, rows: IntArray) -> "Multipath":
-        """Return the same at some keyframes that follow each other."""
-        led = rows[:-1]
-        return replace(
-            self,
-            t_s=self.t_s[rows],
-            share=self.share[rows],
-            decay_per_s=self.decay_per_s[led],
-            kept=self.kept[led],
-        )
 
     def at_times(self, t_s: FloatArray) -> "Multipath":
         """Return the same at other keyframes, (m,), the present ones among them.

@@ -25,11 +25,17 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.graph import keys
 from fgnav.graph.build import as_bias
 from fgnav.graph.inertial.increments import Increments, at_latest, increments, parents
-from fgnav.graph.types.motion import EVERY, INERTIAL_NOISES, LinearisedMotion, NoiseParts
+from fgnav.graph.types.arrays import check_shapes
+from fgnav.graph.types.motion import (
+    EVERY,
+    INERTIAL_NOISES,
+    INTEGRATION_M2,
+    LinearisedMotion,
+    NoiseParts,
+)
 from fgnav.graph.types.states import AUX, States
 from fgnav.types.flight import Imu
 
-INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 TURNED_RAD = 0.002  # bias times span beyond which the first-order correction errs: .02 sigma
 _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share their parameters
 _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
@@ -58,33 +64,18 @@ class _Store:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Inertial:
-    """The motion between n keyframes of a flight with a gyroscope.
+    """The motion between n keyframes of a flight with a gyroscope."""
 
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    imu : Imu
-    sub_steps : int
-        Of one sample.
-    gravity_n_mps2 : ndarray, shape (n, 3)
-        Where each keyframe is.
-    earth_rate_n_radps : ndarray, shape (3,)
-    accelerometer_noise : ndarray, shape (n - 1,)
-        Power spectral density of the specific force in each interval, (m/s2)^2/Hz.
-    gyroscope_noise : ndarray, shape (n - 1,)
-        That of the rate, (rad/s)^2/Hz.
-    bias_steps : ndarray, shape (n - 1, 6), or None
-        By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
-    """
-
-    t_s: FloatArray
+    t_s: FloatArray  # (n,)
     imu: Imu
-    sub_steps: int
-    gravity_n_mps2: FloatArray
-    earth_rate_n_radps: FloatArray
-    accelerometer_noise: FloatArray
-    gyroscope_noise: FloatArray
-    bias_steps: FloatArray | None = None
+    sub_steps: int  # of one sample
+    gravity_n_mps2: FloatArray  # (n, 3): where each keyframe is
+    earth_rate_n_radps: FloatArray  # (3,)
+    # Power spectral density of the specific force in each interval, (m/s2)^2/Hz.
+    accelerometer_noise: FloatArray  # (n - 1,)
+    gyroscope_noise: FloatArray  # (n - 1,): that of the rate, (rad/s)^2/Hz
+    # By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
+    bias_steps: FloatArray | None = None  # (n - 1, 6)
     _increments: Increments = field(init=False, repr=False)
     _store: _Store = field(init=False, repr=False)
 
@@ -110,12 +101,7 @@ class Inertial:
             "gyroscope_noise": (n - 1,),
             "bias_steps": (n - 1, _BIASES),
         }
-        for name, shape in shapes.items():
-            if name == "bias_steps" and self.bias_steps is None:
-                continue
-            got = getattr(self, name).shape
-            if got != shape:
-                raise BadInputError(f"inertial {name}: expected shape {shape}, got {got}")
+        check_shapes("inertial", self, shapes)
 
     @property
     def aux(self) -> int:
@@ -158,14 +144,8 @@ class Inertial:
 
         The gyroscope's, from samples up to each time, less its bias.
         """
-        return at_latest(self.imu.t_s, self.rates_of_unit_b_radps, t_s) - aux[:, 3:]
-
-    @property
-    def rates_of_unit_b_radps(self) -> FloatArray:
-        """Samples of the gyroscope, (k, 3)."""
-        if self.imu.w_b_radps is None:
-            raise BadInputError("inertial motion: the imu has no gyroscope")
-        return self.imu.w_b_radps
+        samples = cast("FloatArray", self.imu.w_b_radps)  # checked when made
+        return at_latest(self.imu.t_s, samples, t_s) - aux[:, 3:]
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
         """Return mean, (6,), and whitening rows, (6, 6 + b), of the first keyframe's biases."""

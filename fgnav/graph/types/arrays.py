@@ -1,33 +1,18 @@
-"""Arrays of measurements checked once, and states as the kernels read them."""
+"""Shapes of arrays, and states as the kernels read them."""
 
 import numpy as np
 
-from fgnav.checks import IntArray, frozen
+from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.graph.types.states import States
+from fgnav.kernels.compiled import kernel
 
-Shape = tuple[int | None, ...]
 
-
-def freeze(measurement: object, shapes: dict[str, Shape], counts: dict[str, Shape]) -> None:
-    """Replace fields of a frozen measurement by checked, contiguous, read-only copies.
-
-    Parameters
-    ----------
-    measurement : object
-        Its ``name`` stands in the error text.
-    shapes, counts : dict of str to shape
-        Of its float and of its integer fields.
-
-    Raises
-    ------
-    BadInputError
-        If a shape differs or a value is not finite.
-    """
-    name = getattr(measurement, "name", type(measurement).__name__)
-    for fields, dtype in ((shapes, float), (counts, int)):
-        for field, shape in fields.items():
-            value = frozen(f"{name} {field}", getattr(measurement, field), shape, dtype=dtype)
-            object.__setattr__(measurement, field, value)
+def check_shapes(owner: str, item: object, shapes: dict[str, tuple[int, ...]]) -> None:
+    """Raise BadInputError if a field has another shape; one that is None has none."""
+    for name, shape in shapes.items():
+        value = getattr(item, name)
+        if value is not None and value.shape != shape:
+            raise BadInputError(f"{owner} {name}: expected shape {shape}, got {value.shape}")
 
 
 def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
@@ -45,3 +30,10 @@ def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
     ):
         at = at.copied()
     return at, which if which.flags.carray else np.array(which, dtype=np.int64)
+
+
+@kernel
+def room(at: States, which: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return zeros for residuals of j measurements, (j, m), and derivatives; see ``Linearised``."""
+    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    return np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))

@@ -23,6 +23,7 @@ INERTIAL_NOISES = ("accelerometer", "gyroscope", "accelerometer bias", "gyroscop
 
 
 EVERY = slice(None)  # of the intervals
+INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear systems well posed
 
 
 class NoiseParts(NamedTuple):

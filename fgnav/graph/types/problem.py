@@ -128,7 +128,7 @@ class Opening:
         return int(np.searchsorted(self.problem.t_s, self.until_s))
 
 
-def pose_prior(problem: Problem, row: int = 0) -> tuple[FloatArray, FloatArray]:
+def pose_prior(problem: Problem) -> tuple[FloatArray, FloatArray]:
     """Return the attitude of the first keyframe, (3, 3), and the covariance of pose and velocity.
 
     Before the flight, (9, 9), of the tangent; position is about where the search starts, velocity
@@ -137,6 +137,6 @@ def pose_prior(problem: Problem, row: int = 0) -> tuple[FloatArray, FloatArray]:
     P = np.diag(np.repeat([ROTATION_PRIOR_RAD, POSITION_PRIOR_M, VELOCITY_PRIOR_MPS], 3) ** 2)
     prior = problem.attitude_prior
     if prior is None:
-        return problem.start.R_nb[row], P
+        return problem.start.R_nb[0], P
     P[:3, :3] = prior.covariance_rad2
     return prior.R_nb, P

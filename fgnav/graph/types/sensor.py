@@ -1,14 +1,19 @@
 """What every sensor's factor states, and who reads it."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlias
 
-from fgnav.checks import FloatArray, IntArray
+import numpy as np
+
+from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
     import gtsam
+
+
+Shapes: TypeAlias = dict[str, tuple[int | str, ...]]
 
 
 class Linearised(NamedTuple):
@@ -64,9 +69,28 @@ class Sensor(Protocol):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SensorRows:
-    """What measurements of a sensor of their own have: ``row``, their keyframes, (k,)."""
+    """Measurements of a sensor of their own, whose arrays are checked and frozen."""
 
-    row: IntArray
+    name: ClassVar[str]  # in reports
+    shapes: ClassVar[Shapes] = {}  # of the float arrays, "k" for the number of measurements
+    rows: ClassVar[int]  # of each residual, where all of them know something
+    whitening: ClassVar[str] = ""  # field, (k, m, ...), whose rows are zero where they do not
+    row: IntArray  # (k,): keyframes
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays; one that is None stays so."""
+        k = len(self.row)
+        for field, shape in self.shapes.items():
+            if getattr(self, field) is not None:
+                freeze(self.name, self, {field: tuple(k if n == "k" else int(n) for n in shape)})
+        freeze(self.name, self, {"row": (k,)}, dtype=int)
+
+    @property
+    def freedom(self) -> IntArray:
+        """Rows of each residual that know something, (k,)."""
+        if self.whitening:
+            return np.asarray(getattr(self, self.whitening).any(axis=2).sum(axis=1))
+        return np.full(len(self.row), self.rows)
 
     def on(self, row: IntArray) -> Self:
         """Return the same measurements at other rows, (k,)."""

@@ -12,6 +12,7 @@ choose from; and more where another epoch speaks against it.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -85,7 +86,7 @@ class Arcs:
                 f"integers {self.name!r}: what 'prepare' makes of an epoch may depend on later "
                 "ones; for causal integers take 'constrained' or 'lambda'"
             )
-        prepare = noise_so_far if self.prepare is noise_as_shown else None
+        prepare = _NOISE_SO_FAR if self.prepare else None
         return replace(self, inner=inner, prepare=prepare, causal=True)
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
@@ -145,20 +146,19 @@ def constrained_arcs() -> Arcs:
     return Arcs(inner=inner, prepare=noise_as_shown)
 
 
-def noise_as_shown(differences: DoubleDifferences) -> DoubleDifferences:
-    """Return differences whose variances are those that the rigid array shows, epoch by epoch."""
-    from fgnav.integers.array.noise import with_estimated_noise  # noqa: PLC0415
+def noise_as_shown(differences: DoubleDifferences, *, causal: bool = False) -> DoubleDifferences:
+    """Return differences whose variances are those that the rigid array shows, epoch by epoch.
+
+    Causal: each epoch's by epochs up to it alone.
+    """
+    from fgnav.integers.array import noise  # noqa: PLC0415
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
 
-    return with_estimated_noise(differences, Constrained().nodes)
+    estimated = noise.with_noise_so_far if causal else noise.with_estimated_noise
+    return estimated(differences, Constrained().nodes)
 
 
-def noise_so_far(differences: DoubleDifferences) -> DoubleDifferences:
-    """Return the same, each epoch's variances by epochs up to it alone."""
-    from fgnav.integers.array.noise import with_noise_so_far  # noqa: PLC0415
-    from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
-
-    return with_noise_so_far(differences, Constrained().nodes)
+_NOISE_SO_FAR = partial(noise_as_shown, causal=True)  # one object: resolvers with it are alike
 
 
 def link_arcs(differences: DoubleDifferences, flight: Flight, *, causal: bool = False) -> IntArray:

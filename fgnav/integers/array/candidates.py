@@ -18,31 +18,17 @@ _BLOCK = 256  # epochs whose lists are held at full length
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Candidates:
-    """Integer vectors that an epoch may have, those of an epoch together, the cheapest first.
+    """Integer vectors that an epoch may have, those of an epoch together, the cheapest first."""
 
-    Attributes
-    ----------
-    epoch : ndarray of int64, shape (c,)
-        To which each belongs; rising.
-    cycles : ndarray of int64, shape (c, b, m)
-        0 where there is no link.
-    baselines_n_m : ndarray, shape (c, b, 3)
-        At the candidate's own best attitude; 0 of an antenna that has no link.
-    cost : ndarray, shape (c,)
-        Weighted square sum of code and phase residuals.
-    log_volume : ndarray, shape (c,)
-        Of attitudes around the best: ``log_volume - cost / 2`` is the logarithm of a candidate's
-        weight in the posterior of Gaussian noise.
-    status : ndarray of int64, shape (n,)
-        How each epoch's search ended, as in ``ConstrainedSearch``.
-    """
-
-    epoch: IntArray
-    cycles: IntArray
-    baselines_n_m: FloatArray
-    cost: FloatArray
-    log_volume: FloatArray
-    status: IntArray
+    epoch: IntArray  # (c,): to which each belongs; rising
+    cycles: IntArray  # (c, b, m): 0 where there is no link
+    # At the candidate's own best attitude; 0 of an antenna that has no link.
+    baselines_n_m: FloatArray  # (c, b, 3)
+    cost: FloatArray  # (c,): weighted square sum of code and phase residuals
+    # Of attitudes around the best: ``log_volume - cost / 2`` is the logarithm of a candidate's
+    # weight in the posterior of Gaussian noise.
+    log_volume: FloatArray  # (c,)
+    status: IntArray  # (n,): how each epoch's search ended, as in ``ConstrainedSearch``
 
 
 def candidates(

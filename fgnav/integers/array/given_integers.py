@@ -34,17 +34,11 @@ class _Group:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class GivenIntegers:
-    """Epochs with given integers, as linear functions of three turns about the axes of ``n``.
-
-    Attributes
-    ----------
-    groups : sequence of _Group
-    open_axis : ndarray, shape (n, 3, 3)
-        Information added to the turn about the only direction of an array in a line.
-    """
+    """Epochs with given integers, as linear functions of three turns about the axes of ``n``."""
 
     groups: Sequence[_Group]
-    open_axis: FloatArray
+    # Information added to the turn about the only direction of an array in a line.
+    open_axis: FloatArray  # (n, 3, 3)
 
     def log_likelihoods(
         self, code_variance_m2: FloatArray, phase_variance_m2: FloatArray
@@ -87,10 +81,12 @@ def given_integers(
     cycles_m = differences.wavelength_m * cycles
     range_m = -np.einsum("nbi,nji->nbj", baselines_n_m, e_n)
     turned_m = -np.cross(baselines_n_m[:, :, None], e_n[:, None])  # of the range, by turns
-    parts = [
-        _single(differences, turned_m, measured - _differenced(differences, range_m))
-        for measured in (differences.code_m, differences.phase_m - cycles_m)
-    ]
+    reference = differences.reference[:, differences.group].clip(0)[:, None, :]
+    range_m = range_m - np.take_along_axis(range_m, reference, axis=2)
+    parts = []
+    for measured in (differences.code_m, differences.phase_m - cycles_m):
+        residual_m = np.where(differences.resolvable, measured - range_m, 0.0)
+        parts.append(np.concatenate([turned_m, residual_m[..., None]], axis=3))
     values = np.stack(parts)
     groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
     line = (arrays.rank[arrays.pattern] == 1)[:, None, None]
@@ -98,19 +94,6 @@ def given_integers(
         groups=groups,
         open_axis=np.where(line, M[:, 0, :, None] * M[:, 0, None, :], 0.0),
     )
-
-
-def _differenced(differences: DoubleDifferences, single: FloatArray) -> FloatArray:
-    at = differences.reference[:, differences.group].clip(0)[:, None, :]
-    return np.asarray(single - np.take_along_axis(single, at, axis=2))
-
-
-def _single(
-    differences: DoubleDifferences, turned_m: FloatArray, residual_m: FloatArray
-) -> FloatArray:
-    """Return derivative and residual of links, (n, b, m, 4), 0 where there is none."""
-    residual_m = np.where(differences.resolvable, residual_m, 0.0)
-    return np.concatenate([turned_m, residual_m[..., None]], axis=3)
 
 
 def _group(differences: DoubleDifferences, values: FloatArray, g: int) -> _Group:

@@ -25,20 +25,11 @@ _REACH = 25.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Likelihood:
-    """That of epochs, by their integers.
+    """That of epochs, by their integers."""
 
-    Attributes
-    ----------
-    epoch : ndarray of int64, shape (c,)
-        To which a vector of integers belongs; rising.
-    given : GivenIntegers
-        Those c vectors.
-    degrees : ndarray of int64, shape (c,)
-    """
-
-    epoch: IntArray
-    given: GivenIntegers
-    degrees: IntArray
+    epoch: IntArray  # (c,): to which a vector of integers belongs; rising
+    given: GivenIntegers  # those c vectors
+    degrees: IntArray  # (c,)
 
     @property
     def epochs(self) -> int:

@@ -47,40 +47,23 @@ _REACH = 25.0  # above the least cost a candidate weighs below exp(-12.5) = 4e-6
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class ConstrainedSearch:
-    """What the rigid array makes of every epoch.
+    """What the rigid array makes of every epoch."""
 
-    Attributes
-    ----------
-    cycles : ndarray of int64, shape (n, b, m)
-        Of least constrained cost; 0 where nothing was found.
-    costs : ndarray, shape (n, 2)
-        Weighted square sum of the code and phase residuals of the best and the second-best
-        integers, each with its own best attitude; infinite where there is none within reach.
-    columns : ndarray, shape (n, 9)
-        Those of ``R_nb V`` that the best integers lead to, V as ``spans`` has it; the first 3 r
-        count.
-    degrees : ndarray of int64, shape (n,)
-        Degrees of freedom of the best cost.
-    wrong_probability : ndarray, shape (n,)
-        That the best integers are not the true ones; see ``search_constrained``.
-    log_evidence : ndarray, shape (n,)
-        Logarithm of the summed weights of all candidates, each ``exp(-cost / 2)`` times the volume
-        of attitudes around its optimum; minus infinity where there is none.
-    status : ndarray of int64, shape (n,)
-        ``PROVEN`` (nothing costs less), ``NOTHING`` (no link), ``UNPROVEN`` (the search was given
-        up with what it had), ``UNFINISHED`` (with nothing), or ``ILL`` (covariance).
-    nodes : ndarray of int64, shape (n,)
-        Visited by the search, the attitude of a complete integer vector counted as 100.
-    """
-
-    cycles: IntArray
-    costs: FloatArray
-    columns: FloatArray
-    degrees: IntArray
-    wrong_probability: FloatArray
-    log_evidence: FloatArray
-    status: IntArray
-    nodes: IntArray
+    cycles: IntArray  # (n, b, m): of least constrained cost; 0 where nothing was found
+    # Weighted square sum of the code and phase residuals of the best and the second-best integers,
+    # each with its own best attitude; infinite where there is none within reach.
+    costs: FloatArray  # (n, 2)
+    degrees: IntArray  # (n,): degrees of freedom of the best cost
+    # That the best integers are not the true ones; see ``search_constrained``.
+    wrong_probability: FloatArray  # (n,)
+    # Logarithm of the summed weights of all candidates, each ``exp(-cost / 2)`` times the volume of
+    # attitudes around its optimum; minus infinity where there is none.
+    log_evidence: FloatArray  # (n,)
+    # ``PROVEN`` (nothing costs less), ``NOTHING`` (no link), ``UNPROVEN`` (the search was given up
+    # with what it had), ``UNFINISHED`` (with nothing), or ``ILL`` (covariance).
+    status: IntArray  # (n,)
+    # Visited by the search, the attitude of a complete integer vector counted as 100.
+    nodes: IntArray  # (n,)
 
     def rows(self, at: IntArray) -> "ConstrainedSearch":
         """Return some of the epochs."""
@@ -114,7 +97,6 @@ def search_constrained(differences: DoubleDifferences, nodes: int) -> Constraine
     return ConstrainedSearch(
         cycles=result.cycles[:, 0],
         costs=result.costs,
-        columns=result.columns[:, 0],
         degrees=degrees,
         wrong_probability=result.wrong_probability,
         log_evidence=result.log_evidence,

@@ -34,29 +34,18 @@ _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plan
 
 
 class ArraySearch(NamedTuple):
-    """The nearest integers of every epoch.
+    """The nearest integers of every epoch."""
 
-    Attributes
-    ----------
-    cycles : ndarray of int64, shape (n, b, m)
-        0 where nothing was resolved.
-    fixed : ndarray of bool, shape (n, b, m)
-        Links that the search, of all integers or of a subset, determined.
-    success : ndarray, shape (n, b)
-        Bootstrapped success rate of what was searched, by the stated noise: a lower bound of the
-        chance that it is right. NaN where nothing was resolved.
-    squared_norms : ndarray, shape (n, b, 2)
-        Of the best and the second-best vector of the search a baseline took part in; NaN without.
-    status : ndarray of int64, shape (n, b)
-        ``OK``, ``NOTHING`` (no link), ``WEAK`` (geometry), ``ILL`` (covariance) or ``UNFINISHED``
-        (the search was given up).
-    """
-
-    cycles: IntArray
-    fixed: BoolArray
-    success: FloatArray
-    squared_norms: FloatArray
-    status: IntArray
+    cycles: IntArray  # (n, b, m): 0 where nothing was resolved
+    fixed: BoolArray  # (n, b, m): links that the search, of all integers or of a subset, determined
+    # Bootstrapped success rate of what was searched, by the stated noise: a lower bound of the
+    # chance that it is right. NaN where nothing was resolved.
+    success: FloatArray  # (n, b)
+    # Of the best and the second-best vector of the search a baseline took part in; NaN without.
+    squared_norms: FloatArray  # (n, b, 2)
+    # ``OK``, ``NOTHING`` (no link), ``WEAK`` (geometry), ``ILL`` (covariance) or ``UNFINISHED``
+    # (the search was given up).
+    status: IntArray  # (n, b)
 
 
 def search_array(

@@ -21,24 +21,12 @@ from fgnav.integers.ils.search import (
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class PartialFix:
-    """A float solution, given integers of some combinations of its ambiguities.
+    """A float solution, given integers of some combinations of its ambiguities."""
 
-    Attributes
-    ----------
-    combinations : ndarray of int64, shape (p, n)
-        Fixed combinations, one a row.
-    integers : ndarray of int64, shape (p,)
-        Their values.
-    success : float
-        Bootstrapped success rate of these: they are right at least as often.
-    fixed : ndarray of bool, shape (n,)
-        Ambiguities that are integers now.
-    """
-
-    combinations: IntArray
-    integers: IntArray
-    success: float
-    fixed: BoolArray
+    combinations: IntArray  # (p, n): fixed combinations, one a row
+    integers: IntArray  # (p,): their values
+    success: float  # bootstrapped success rate of these: they are right at least as often
+    fixed: BoolArray  # (n,): ambiguities that are integers now
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""

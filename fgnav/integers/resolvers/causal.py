@@ -5,7 +5,7 @@ from dataclasses import dataclass, is_dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import Loss
+from fgnav.checks import losses_of
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
@@ -56,7 +56,7 @@ class EpochByEpoch:
                 if any(r is None for r in reasons)
                 else tuple(text for r in reasons if r is not None for text in r)
             ),
-            losses=tuple(Loss(what=w, reason=r, count=c) for (w, r), c in lost.items()),
+            losses=losses_of(lost),
         )
 
 

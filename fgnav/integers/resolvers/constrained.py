@@ -1,6 +1,7 @@
 """Integers of a rigid array, of least constrained cost, accepted by their chance to be wrong."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from scipy.special import chdtrc
@@ -69,6 +70,7 @@ class Constrained:
         until then; the share as if the flight ended with the epoch.
     """
 
+    name: ClassVar[str] = "constrained"
     wrong_max: float | None = 1e-2
     tail: float | None = 1e-4
     links_out: int = 3
@@ -85,11 +87,6 @@ class Constrained:
             count = getattr(self, name)
             if count < least:
                 raise BadInputError(f"{name}: must be {least} or more, got {count}")
-
-    @property
-    def name(self) -> str:
-        """Return the name the command line knows."""
-        return "constrained"
 
     @property
     def looks_ahead(self) -> bool:

@@ -1,6 +1,7 @@
 """Integers by LAMBDA: exact integer least squares of an epoch's float solution."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -32,6 +33,8 @@ class Lambda:
         fixed; the others stay float. None fixes all or nothing.
     """
 
+    name: ClassVar[str] = "lambda"
+    looks_ahead: ClassVar[bool] = False
     joint: bool = True
     ratio_min: float | None = None
     success_min: float | None = None
@@ -44,16 +47,6 @@ class Lambda:
             raise BadInputError(
                 f"success_min: must be between 0 and 1, or None, got {self.success_min}"
             )
-
-    @property
-    def name(self) -> str:
-        """Return the name the command line knows."""
-        return "lambda"
-
-    @property
-    def looks_ahead(self) -> bool:
-        """Return False: every epoch is resolved alone."""
-        return False
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
         """Resolve every link with code and phase, where the epoch's code determines the array."""

@@ -1,6 +1,7 @@
 """Integers by rounding code minus phase: the baseline every better resolver must beat."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,15 +15,8 @@ from fgnav.types.integers import Integers
 class Rounding:
     """Round phase minus code of every double difference on its own."""
 
-    @property
-    def name(self) -> str:
-        """Return the name the command line knows."""
-        return "rounding"
-
-    @property
-    def looks_ahead(self) -> bool:
-        """Return False: every epoch is resolved alone."""
-        return False
+    name: ClassVar[str] = "rounding"
+    looks_ahead: ClassVar[bool] = False
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:  # noqa: ARG002
         """Resolve every link that has code and phase."""

@@ -1,6 +1,7 @@
 """What a perfect resolver would say, where truth is known: from its integers or its attitude."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,15 +25,8 @@ class Truth:
     The attitude is interpolated at the epochs.
     """
 
-    @property
-    def name(self) -> str:
-        """Return the name the command line knows."""
-        return "truth"
-
-    @property
-    def looks_ahead(self) -> bool:
-        """Return False: it knows the truth of every epoch."""
-        return False
+    name: ClassVar[str] = "truth"
+    looks_ahead: ClassVar[bool] = False
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
         """Resolve every link that has phase, at the epochs that truth covers.

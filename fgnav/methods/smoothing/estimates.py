@@ -26,20 +26,11 @@ _FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Body:
-    """What is known of a body beside its states.
+    """What is known of a body beside its states."""
 
-    Attributes
-    ----------
-    position_b_m : ndarray, shape (3,)
-        The accelerometer's.
-    earth_rate_n_radps : ndarray, shape (3,)
-    gyroscope : bool
-        Whether it has one.
-    """
-
-    position_b_m: FloatArray
-    earth_rate_n_radps: FloatArray
-    gyroscope: bool
+    position_b_m: FloatArray  # (3,): the accelerometer's
+    earth_rate_n_radps: FloatArray  # (3,)
+    gyroscope: bool  # whether it has one
 
 
 def estimate_of(
@@ -184,21 +175,13 @@ def _refused(prepared: PreparedFlight, solution: Solution) -> BoolArray:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class OriginMotion:
-    """Motion of the body's origin.
+    """Motion of the body's origin."""
 
-    Attributes
-    ----------
-    w_b_radps : ndarray, shape (n, 3)
-        Body rates against inertial space.
-    p_n_m, v_n_mps : ndarray, shape (n, 3)
-    position_covariance_m2, velocity_covariance_m2ps2 : ndarray, shape (n, 3, 3)
-    """
-
-    w_b_radps: FloatArray
-    p_n_m: FloatArray
-    position_covariance_m2: FloatArray
-    v_n_mps: FloatArray
-    velocity_covariance_m2ps2: FloatArray
+    w_b_radps: FloatArray  # (n, 3): body rates against inertial space
+    p_n_m: FloatArray  # (n, 3)
+    position_covariance_m2: FloatArray  # (n, 3, 3)
+    v_n_mps: FloatArray  # (n, 3)
+    velocity_covariance_m2ps2: FloatArray  # (n, 3, 3)
 
 
 def origin_motion(

@@ -49,15 +49,6 @@ def by_window(
     return replace(solution, covariance=solution.covariance + added)
 
 
-def by_newest(
-    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]", lag_s: float
-) -> Solution:
-    """Return each keyframe as known from the data up to it."""
-    from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
-
-    return solve_forward(prepared.windowed, lag_s, custom=custom, opening=prepared.opening)
-
-
 def at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
     """Return each keyframe as known from all data."""
     return _ended(prepared, custom).solution
@@ -119,11 +110,15 @@ def _ended(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> _End:
 
     That is asked where nothing measures attitudes: there the search may end anywhere.
     """
+    from fgnav.solve.batch import minimum, solve_batch  # noqa: PLC0415  # lazy: gtsam
+
     problem, opening = prepared.problem, _open(prepared)
-    if opening is None:
-        end = _End(_at_once(prepared, custom), problem)
-    else:
+    if opening is not None:
         end = _about_headings(problem, opening, custom)
+    elif without_attitudes(prepared):
+        end = _End(minimum(problem, custom).solution, problem)
+    else:
+        end = _End(solve_batch(problem, custom=custom), problem)
     if not without_attitudes(prepared):
         return end
     measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
@@ -155,14 +150,6 @@ def _open(prepared: PreparedFlight) -> Opening | None:
         arm_b_m=np.zeros(3),
         axis_n=np.einsum("nij,nj->ni", R_nb, force_b),
     )
-
-
-def _at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
-    from fgnav.solve.batch import minimum, solve_batch  # noqa: PLC0415  # lazy: gtsam
-
-    if without_attitudes(prepared):
-        return minimum(prepared.problem, custom).solution
-    return solve_batch(prepared.problem, custom=custom)
 
 
 def _about_headings(problem: Problem, opening: Opening, custom: "tuple[NamedFactor, ...]") -> _End:

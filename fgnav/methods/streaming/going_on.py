@@ -52,16 +52,16 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
     observations = flight.observations
     if observations is not None:
         channels = code_channels(observations, 0, causal=True)
-        if not is_decided(flight, observations, channels, 0):
+        if not is_decided(flight, observations, channels):
             return None
     kept = truncated(flight, np.inf, after_s=from_s)
     samples = truncated(flight, np.inf, after_s=from_s - _MARGIN_S).imu
     kept = replace(kept, imu=samples, **_surroundings(flight, from_s))
     if observations is not None:
         kept = replace(kept, observations=_without_beginning(flight, observations, from_s))
-    own = earlier.motion.windows.own
+    rotation = earlier.motion.windows.rotation
     first = int(np.searchsorted(imu.t_s, from_s - _MARGIN_S, side="right"))
-    motion = earlier.motion.after(from_s, own.R_ub[first])
+    motion = earlier.motion.after(from_s, rotation.R_ub[first])
     return GoingOn(kept, earlier._replace(motion=motion))
 
 

@@ -211,4 +211,4 @@ def _directions(what: str, direction: Direction | None, n: int) -> Directions | 
     if direction is None:
         return None
     one = Directions.of(what, direction.e_b[None], direction.covariance[None])
-    return one.at(np.array([n - 1]), n)
+    return one.scatter(np.array([n - 1]), n)

@@ -11,7 +11,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, truncated
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Samples
-from fgnav.types.instruments import joined as joined_samples
+from fgnav.types.instruments import joined as concatenate_samples
 from fgnav.types.observations import Observations
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
@@ -36,7 +36,7 @@ def pieces(flight: Flight) -> Iterator[Flight]:
         before_s = epoch_s
 
 
-def joined(*parts: Flight) -> Flight:
+def concatenate_flights(*parts: Flight) -> Flight:
     """Return pieces of a flight, in their order, as one.
 
     All but records is of the first; orbits are those of the last that has any.
@@ -53,7 +53,7 @@ def joined(*parts: Flight) -> Flight:
         records[name] = of[0]
         if name != "truth":
             _follow(name, filled)
-            records[name] = joined_samples(filled)
+            records[name] = concatenate_samples(filled)
     changed: dict[str, Any] = {}
     for name in ("broadcast", "precise"):
         orbits = [one for part in parts if (one := getattr(part, name)) is not None]

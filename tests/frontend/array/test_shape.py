@@ -64,7 +64,7 @@ def test_the_form_has_the_variance_of_that_of_the_rotation(ranges):
     assert_allclose(quiet.root[:10], form.root[:10], rtol=0, atol=0)
     assert_allclose(quiet.root[rows], form.root[rows] / 2, rtol=1e-9)
     assert_allclose(quiet.root[later], form.root[later] / 3, rtol=1e-9)
-    moved = quiet.at(np.arange(60) + 5, 70)
+    moved = quiet.scatter(np.arange(60) + 5, 70)
     assert moved.valid.sum() == 60
     assert not moved.root[:5].any()
     assert_allclose(moved.root[5:65], quiet.root, rtol=0, atol=0)

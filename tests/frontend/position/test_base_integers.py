@@ -17,7 +17,7 @@ from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
-from fgnav.methods.smoothing.joined import joined_estimates
+from fgnav.methods.smoothing.concatenation import concatenate_estimates
 from tests.frontend.position.test_live_arcs import least_squares
 from tests.gnss.based import antenna_n_m, flown
 
@@ -142,5 +142,5 @@ def test_a_stream_takes_integers_back_as_forward_does():
     flight = sky(6.0, gyroscope=True)
     parts = [one for one in ObservationStream.replay(flight, FORWARD) if len(one.t_s)]
     count = sum(len(one.t_s) for one in parts)
-    streamed, whole = joined_estimates(parts, count, count), FORWARD(flight)
+    streamed, whole = concatenate_estimates(parts, count, count), FORWARD(flight)
     np.testing.assert_allclose(streamed.p_n_m, whole.p_n_m, rtol=0, atol=1e-9)

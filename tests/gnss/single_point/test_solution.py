@@ -34,6 +34,14 @@ def codes(flight: Flight) -> FloatArray:
     return flight.observations.code_m.copy()
 
 
+def by_second(flight: Flight) -> Flight:
+    """Return a flight of two antennas, the second put first."""
+    names = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+    arrays = {name: getattr(flight.observations, name)[:, ::-1] for name in names}
+    observations = replace(flight.observations, **arrays)
+    return replace(flight, antennas=flight.antennas[::-1], observations=observations)
+
+
 def reasons(losses) -> dict[tuple[str, str], int]:
     return {(loss.what, loss.reason): loss.count for loss in losses}
 
@@ -56,11 +64,11 @@ def test_exact_ranges_give_the_exact_position_clock_and_velocity(letters):
 def test_each_antenna_has_its_own_solution_and_is_solved_once():
     made = Made(t_s=T_S[:3], arms_b_m=np.array([[0.0, 0, 0], [2.0, 1.0, -0.5]]))
     flight = made.flight()
-    second = code_solution(flight, antenna=1)
-    truth = made.position_n_m(T_S[:3], made.arms_b_m[1])
-    assert np.abs(second.p_n_m - truth).max() < 0.2 * MM
-    assert code_solution(flight, antenna=1) is second
-    assert code_solution(flight) is not second
+    for turned, arm_b_m in zip((flight, by_second(flight)), made.arms_b_m, strict=True):
+        solution = code_solution(turned)
+        truth = made.position_n_m(T_S[:3], arm_b_m)
+        assert np.abs(solution.p_n_m - truth).max() < 0.2 * MM
+        assert code_solution(turned) is solution
 
 
 def test_an_origin_a_thousand_kilometres_away_is_near_enough():
@@ -96,16 +104,6 @@ def test_message_errors_enlarge_the_covariance_but_not_the_noise():
     solution = code_solution(flight)
     ratio = solution.position_covariance_m2[0] / solution.position_noise_m2[0]
     np.testing.assert_allclose(np.diag(ratio), 1 + 2.4**2, rtol=1e-6)
-
-
-def test_dilution_of_precision_is_that_of_unit_ranges():
-    flight = Made(t_s=T_S[:3], arms_b_m=ONE, code_sigma_m=1.0).flight()
-    solution = code_solution(flight)
-    variances = np.diagonal(solution.position_covariance_m2, axis1=1, axis2=2)
-    np.testing.assert_allclose(solution.dop[:, 1], np.sqrt(variances.sum(axis=1)), rtol=1e-6)
-    np.testing.assert_allclose(solution.dop[:, 2], np.sqrt(variances[:, :2].sum(axis=1)), rtol=1e-6)
-    np.testing.assert_allclose(solution.dop[:, 3], np.sqrt(variances[:, 2]), rtol=1e-6)
-    assert (solution.dop[:, 0] > solution.dop[:, 1]).all()
 
 
 def test_a_gross_error_is_dropped_and_counted():
@@ -169,8 +167,6 @@ def test_an_atmosphere_is_recognised_and_taken_out(coefficients):
     assert solution.atmosphere
     error = solution.p_n_m.mean(axis=0)
     assert np.abs(error).max() < 1.5
-    wrong = code_solution(atmosphere(coefficients, made).flight(orbits), atmosphere=False)
-    assert abs(wrong.p_n_m[:, 2].mean()) > 3.0
 
 
 @pytest.mark.parametrize("coefficients", [np.zeros(8), KLOBUCHAR])
@@ -246,7 +242,7 @@ def test_positions_are_within_half_a_metre_of_rtklibs(shared, antenna):
     path = recordings.observation_files(shared)[antenna]
     t_s, p_e_m = rtklib.point_positions(path, nav)
     flight = recordings.wettzell(shared)
-    solution = code_solution(flight, antenna=antenna)
+    solution = code_solution(by_second(flight) if antenna else flight)
     assert solution.atmosphere
     assert len(solution.t_s) == 120
     difference = solution.p_n_m - flight.origin.to_n(p_e_m)[: len(solution.t_s)]

@@ -10,6 +10,7 @@ from fgnav.geometry.rotations import from_euler, log, transpose
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.types.flight import Imu
+from tests.imu import imu_of
 
 EARTH_N_RADPS = 7.292115e-5 * np.array([np.cos(0.85), 0.0, -np.sin(0.85)])
 GRAVITY_N_MPS2 = np.array([1e-4, 0.0, 9.81])
@@ -49,16 +50,11 @@ class TrueMotion:
     def imu(self, until_s: float, hz: float, *, gyroscope: bool) -> Imu:
         """Point values without noise; densities of a good unit."""
         t_s = np.arange(round(until_s * hz) + 1) / hz
-        return Imu(
-            t_s=t_s,
-            f_b_mps2=self.force(t_s),
-            w_b_radps=self.inertial_rates(t_s) if gyroscope else None,
-            accelerometer_noise_mps2_per_sqrt_hz=1e-3,
-            accelerometer_bias_mps2=0.02,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
-            gyroscope_noise_radps_per_sqrt_hz=1e-4 if gyroscope else None,
-            gyroscope_bias_radps=1e-3 if gyroscope else None,
-            gyroscope_bias_walk_radps_per_sqrt_s=1e-6 if gyroscope else None,
+        return imu_of(
+            t_s,
+            self.force(t_s),
+            self.inertial_rates(t_s) if gyroscope else None,
+            accelerometer=(1e-3, 0.02, 1e-4),
         )
 
     def states(self, t_s: FloatArray, *, gyroscope: bool, constants: FloatArray) -> States:

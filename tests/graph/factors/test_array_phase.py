@@ -30,17 +30,10 @@ def with_lasting(at, rng, size):
 
 @pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("stretch", [False, True])
-def test_jacobians_equal_differences(gyroscope, stretch):
+def test_derivatives_are_differences_and_gtsam_says_the_same(gyroscope, stretch):
     rng, shared = np.random.default_rng(1), cases.constants(2, 9)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
-    cases.assert_jacobians(phases(rng, shared, stretch=stretch), at)
-
-
-@pytest.mark.parametrize("stretch", [False, True])
-def test_gtsam_says_the_same(stretch):
-    rng, shared = np.random.default_rng(2), cases.constants(2, 9)
-    at = cases.random_states(K, shared, rng)
-    cases.assert_gtsam_says_the_same(phases(rng, shared, stretch=stretch), at, shared)
+    cases.assert_factor(phases(rng, shared, stretch=stretch), at, shared)
 
 
 @pytest.mark.parametrize("stretch", [False, True])

@@ -23,17 +23,10 @@ def heights(rng, shared, *, offset: bool = True, sigma_m: float = 0.4) -> Barome
 
 @pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
-def test_jacobians_equal_differences(gyroscope, offset):
+def test_derivatives_are_differences_and_gtsam_says_the_same(gyroscope, offset):
     rng, shared = np.random.default_rng(1), cases.constants(2, 3)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
-    cases.assert_jacobians(heights(rng, shared, offset=offset), at)
-
-
-@pytest.mark.parametrize("offset", [False, True])
-def test_gtsam_says_the_same(offset):
-    rng, shared = np.random.default_rng(2), cases.constants(2, 3)
-    at = cases.random_states(K, shared, rng)
-    cases.assert_gtsam_says_the_same(heights(rng, shared, offset=offset), at, shared)
+    cases.assert_factor(heights(rng, shared, offset=offset), at, shared)
 
 
 def test_between_two_nodes_the_offset_lies_on_a_straight_line():

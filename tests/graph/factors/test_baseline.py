@@ -28,17 +28,10 @@ def baselines(rng, shared, dimensions) -> BaselineVector:
 
 @pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("dimensions", [1, 2, 3])
-def test_jacobians_equal_differences(gyroscope, dimensions):
+def test_derivatives_are_differences_and_gtsam_says_the_same(gyroscope, dimensions):
     rng, shared = np.random.default_rng(1), cases.constants(3, 3)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
-    cases.assert_jacobians(baselines(rng, shared, dimensions), at)
-
-
-@pytest.mark.parametrize("dimensions", [1, 3])
-def test_gtsam_says_the_same(dimensions):
-    rng, shared = np.random.default_rng(2), cases.constants(3, 3)
-    at = cases.random_states(K, shared, rng)
-    cases.assert_gtsam_says_the_same(baselines(rng, shared, dimensions), at, shared)
+    cases.assert_factor(baselines(rng, shared, dimensions), at, shared)
 
 
 def test_a_heading_is_off_by_as_much_as_the_body_is_turned_whatever_its_pitch():

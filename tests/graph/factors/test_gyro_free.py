@@ -15,7 +15,6 @@ from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
-from fgnav.types.flight import Imu
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,
@@ -24,6 +23,7 @@ from tests.graph.factors.motions import (
     sine,
     spin,
 )
+from tests.imu import imu_of
 
 CONSTANTS = Constants(
     (
@@ -145,12 +145,10 @@ def _simulated(rng, *, until_s, lengths_s, variance):
     f_b = np.einsum("nji,j->ni", R_nb[samples], f_n)
     density = 100.0 * DENSITY
     bias = np.cumsum(1e-4 * np.sqrt(0.01) * rng.standard_normal(f_b.shape), axis=0)
-    imu = Imu(
-        t_s=time_s[samples],
-        f_b_mps2=f_b + bias + np.sqrt(density) * rng.standard_normal(f_b.shape),
-        accelerometer_noise_mps2_per_sqrt_hz=np.sqrt(DENSITY),
-        accelerometer_bias_mps2=0.02,
-        accelerometer_bias_walk_mps2_per_sqrt_s=1e-4,
+    imu = imu_of(
+        time_s[samples],
+        f_b + bias + np.sqrt(density) * rng.standard_normal(f_b.shape),
+        accelerometer=(np.sqrt(DENSITY), 0.02, 1e-4),
     )
     m = len(time_s[rows])
     states = States(
@@ -231,7 +229,7 @@ def test_keyframes_between_leave_a_lasting_error_as_it_is():
     F, _ = error.transition()
     parts, _ = finer.transition()
     np.testing.assert_allclose(parts[1::2] @ parts[::2], F, rtol=0, atol=1e-12)
-    np.testing.assert_array_equal(finer.on(np.arange(2, 7)).transition()[0], parts[2:6])
+    np.testing.assert_array_equal(finer.at_times(finer.t_s[2:7]).transition()[0], parts[2:6])
 
 
 @pytest.mark.parametrize("lasts", [False, True])

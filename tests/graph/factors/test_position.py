@@ -20,17 +20,10 @@ def positions(rng, shared, *, lever: bool = False) -> Position:
 
 @pytest.mark.parametrize("gyroscope", [False, True])
 @pytest.mark.parametrize("lever", [False, True])
-def test_jacobians_equal_differences(gyroscope, lever):
+def test_derivatives_are_differences_and_gtsam_says_the_same(gyroscope, lever):
     rng, shared = np.random.default_rng(1), cases.constants(3, 3)
     at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
-    cases.assert_jacobians(positions(rng, shared, lever=lever), at)
-
-
-@pytest.mark.parametrize("lever", [False, True])
-def test_gtsam_says_the_same(lever):
-    rng, shared = np.random.default_rng(2), cases.constants(3, 3)
-    at = cases.random_states(K, shared, rng)
-    cases.assert_gtsam_says_the_same(positions(rng, shared, lever=lever), at, shared)
+    cases.assert_factor(positions(rng, shared, lever=lever), at, shared)
 
 
 def test_an_antenna_two_metres_ahead_is_two_metres_north_of_a_body_facing_north():

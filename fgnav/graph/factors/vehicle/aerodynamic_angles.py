@@ -19,9 +19,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "aerodynamic angles"
@@ -31,32 +30,16 @@ MEAN = "mean aerodynamic angles"  # the constant m, sideslip and angle of attack
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class AerodynamicAngles(SensorRows):
-    """Sideslip and angle of attack that are zero to a sigma, two rows each.
+    """Sideslip and angle of attack that are zero to a sigma, two rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    sigma_rad : ndarray, shape (k, 2)
-    wind_column, mean_column : int
-        First of the two constants w, and of m.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = NAME  # in reports
-    sigma_rad: FloatArray
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {"sigma_rad": ("k", 2)}
+    rows: ClassVar[int] = 2
+    sigma_rad: FloatArray  # (k, 2)
+    # First of the two constants w, and of m.
     wind_column: int
     mean_column: int
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"sigma_rad": (k, 2)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of angles ``which``, (j,); see ``Sensor``."""

@@ -18,9 +18,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import RATE, ROTATION, States
 
 NAME = "resting rate"
@@ -28,32 +27,19 @@ NAME = "resting rate"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RestingRate(SensorRows):
-    """Rates that a gyroscope measures at rest, three rows each.
+    """Rates that a gyroscope measures at rest, three rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    measured_b_radps, sigma_radps : ndarray, shape (k, 3)
-    earth_rate_n_radps : ndarray, shape (3,)
-    constants : Constants
-    """
-
-    name: ClassVar[str] = NAME  # in reports
-    measured_b_radps: FloatArray
-    sigma_radps: FloatArray
-    earth_rate_n_radps: FloatArray
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {
+        "measured_b_radps": ("k", 3),
+        "sigma_radps": ("k", 3),
+        "earth_rate_n_radps": (3,),
+    }
+    rows: ClassVar[int] = 3
+    measured_b_radps: FloatArray  # (k, 3)
+    sigma_radps: FloatArray  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
     constants: Constants
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"measured_b_radps": (k, 3), "sigma_radps": (k, 3)}, {"row": (k,)})
-        freeze(self, {"earth_rate_n_radps": (3,)}, {})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Three of each, (k,)."""
-        return np.full(len(self.row), 3, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of rates ``which``, (j,); see ``Sensor``."""

@@ -16,8 +16,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.types.arrays import freeze
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import VELOCITY, States
 
 NAME = "standstill"
@@ -25,27 +24,12 @@ NAME = "standstill"
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Standstill(SensorRows):
-    """Velocities that are zero, three rows each.
+    """Velocities that are zero, three rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    sigma_mps : ndarray, shape (k,)
-        Of each axis.
-    """
-
-    name: ClassVar[str] = NAME  # in reports
-    sigma_mps: FloatArray
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"sigma_mps": (k,)}, {"row": (k,)})
-
-    @property
-    def freedom(self) -> IntArray:
-        """Three of each, (k,)."""
-        return np.full(len(self.row), 3, dtype=np.int64)
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {"sigma_mps": ("k",)}
+    rows: ClassVar[int] = 3
+    sigma_mps: FloatArray  # (k,): of each axis
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""

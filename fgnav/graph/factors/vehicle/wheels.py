@@ -17,13 +17,12 @@ from typing import ClassVar
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray, frozen, positive
+from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
 from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.arrays import freeze
 from fgnav.graph.types.constants import Constants
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "wheels"
@@ -34,46 +33,30 @@ _RATE = slice(12, 15)  # the gyroscope's bias, or the rate itself
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class RollingWheels(SensorRows):
-    """Velocities across that are zero, two rows each.
+    """Velocities across that are zero, two rows each."""
 
-    Attributes
-    ----------
-    row : ndarray of int, shape (k,)
-    slip_mps : float
-        sigma.
-    arm_b_m : ndarray, shape (3,)
-        a.
-    measured_b_radps : ndarray, shape (k, 3), or None
-        The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
-        without one, where w is a state.
-    earth_rate_n_radps : ndarray, shape (3,)
-    axes_column, axle_column : int
-        First of the two constants c, and of the three of l.
-    constants : Constants
-    """
-
-    name: ClassVar[str] = NAME  # in reports
-    slip_mps: float
-    arm_b_m: FloatArray
-    measured_b_radps: FloatArray | None
-    earth_rate_n_radps: FloatArray
+    name: ClassVar[str] = NAME
+    shapes: ClassVar[Shapes] = {
+        "arm_b_m": (3,),
+        "measured_b_radps": ("k", 3),
+        "earth_rate_n_radps": (3,),
+    }
+    rows: ClassVar[int] = 2
+    slip_mps: float  # sigma
+    arm_b_m: FloatArray  # (3,): a
+    # The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
+    # without one, where w is a state.
+    measured_b_radps: FloatArray | None  # (k, 3)
+    earth_rate_n_radps: FloatArray  # (3,)
+    # First of the two constants c, and of the three of l.
     axes_column: int
     axle_column: int
     constants: Constants
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
-        k = len(self.row)
-        freeze(self, {"arm_b_m": (3,), "earth_rate_n_radps": (3,)}, {"row": (k,)})
+        SensorRows.__post_init__(self)
         positive("wheels slip_mps", self.slip_mps)
-        if self.measured_b_radps is not None:
-            rate = frozen("wheels measured_b_radps", self.measured_b_radps, (k, 3))
-            object.__setattr__(self, "measured_b_radps", rate)
-
-    @property
-    def freedom(self) -> IntArray:
-        """Two of each, (k,)."""
-        return np.full(len(self.row), 2, dtype=np.int64)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of measurements ``which``, (j,); see ``Sensor``."""

@@ -35,14 +35,8 @@ def case():
     return angles, cases.random_states(K, shared, rng, gyroscope=False), shared
 
 
-def test_jacobians_equal_differences(case):
-    angles, at, _ = case
-    cases.assert_jacobians(angles, at)
-
-
-def test_gtsam_says_the_same(case):
-    angles, at, shared = case
-    cases.assert_gtsam_says_the_same(angles, at, shared)
+def test_derivatives_are_differences_and_gtsam_says_the_same(case):
+    cases.assert_factor(*case)
 
 
 def test_a_flight_keeps_its_fins_and_refuses_those_of_wheels(tmp_path):

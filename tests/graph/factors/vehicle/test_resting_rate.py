@@ -32,14 +32,8 @@ def case():
     return resting, cases.random_states(K, shared, rng, gyroscope=True), shared
 
 
-def test_jacobians_equal_differences(case):
-    resting, at, _ = case
-    cases.assert_jacobians(resting, at)
-
-
-def test_gtsam_says_the_same(case):
-    resting, at, shared = case
-    cases.assert_gtsam_says_the_same(resting, at, shared)
+def test_derivatives_are_differences_and_gtsam_says_the_same(case):
+    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

@@ -28,14 +28,8 @@ def case(request):
     return still, cases.random_states(K, shared, rng, gyroscope=request.param), shared
 
 
-def test_jacobians_equal_differences(case):
-    still, at, _ = case
-    cases.assert_jacobians(still, at)
-
-
-def test_gtsam_says_the_same(case):
-    still, at, shared = case
-    cases.assert_gtsam_says_the_same(still, at, shared)
+def test_derivatives_are_differences_and_gtsam_says_the_same(case):
+    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

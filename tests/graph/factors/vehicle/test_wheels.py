@@ -35,14 +35,8 @@ def case(request):
     return wheels, cases.random_states(K, shared, rng, gyroscope=request.param), shared
 
 
-def test_jacobians_equal_differences(case):
-    wheels, at, _ = case
-    cases.assert_jacobians(wheels, at)
-
-
-def test_gtsam_says_the_same(case):
-    wheels, at, shared = case
-    cases.assert_gtsam_says_the_same(wheels, at, shared)
+def test_derivatives_are_differences_and_gtsam_says_the_same(case):
+    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

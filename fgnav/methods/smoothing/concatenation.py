@@ -18,7 +18,7 @@ def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     return replace(estimate, **arrays, verdicts=tuple(verdicts))
 
 
-def joined_estimates(parts: list[Estimate], epochs: int, keyframes: int) -> Estimate:
+def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) -> Estimate:
     """Return estimates of times that follow each other as one, of so many epochs and keyframes.
 
     What is not of epochs is the last one's, who saw all of the flight with the noise known last,
