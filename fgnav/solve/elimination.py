@@ -35,15 +35,6 @@ from fgnav.solve.marginals import Marginals
 _LEAST_PIVOT = 1e-6
 
 
-class _Eliminated(NamedTuple):
-    """What elimination of a keyframe leaves."""
-
-    variables: list[int]  # its own, then separators
-    R: FloatArray
-    S: FloatArray
-    d: FloatArray
-
-
 class _Joint(NamedTuple):
     """Joint covariance of some variables, and where each of them begins in it."""
 
@@ -75,9 +66,9 @@ class Elimination:
         self._arcs: list[tuple[int, ...]] = []  # that end with each keyframe
         self._factors: list[Sequence[gtsam.GaussianFactor]] = []
         # As far as they are eliminated; a message more, to the next keyframe.
-        self._ends: list[_Eliminated] = []
+        self._ends: list[gtsam.GaussianConditional] = []
         self._messages: list[gtsam.JacobianFactor | None] = [None]
-        self._root: _Eliminated | None = None
+        self._root: gtsam.GaussianConditional | None = None
 
     def __len__(self) -> int:
         """Return how many keyframes there are."""
@@ -159,12 +150,12 @@ class Elimination:
     @property
     def predicted_decrease(self) -> float:
         """Return by how much the step lowers the sum of squares, if all were linear."""
-        return float(sum(one.d @ one.d for one in self._all()))
+        return float(sum(one.d() @ one.d() for one in self._all()))
 
     @property
     def log_root(self) -> float:
         """Return the log determinant of the square root of the information of all variables."""
-        return float(sum(np.log(np.abs(one.R.diagonal())).sum() for one in self._all()))
+        return float(sum(np.log(np.abs(one.R().diagonal())).sum() for one in self._all()))
 
     def step(self) -> tuple[FloatArray, FloatArray, dict[int, FloatArray]]:
         """Return the Newton step of keyframes, (m, D), of the constants, (b,), and of arcs by key.
@@ -175,20 +166,16 @@ class Elimination:
             If a variable is not determined, by name.
         """
         self._check()
-        constants = self._root
-        x = np.linalg.solve(constants.R, constants.d) if constants else np.empty(0)
-        at = self._places(self._constants)
-        steps = {key: x[at[key] : at[key] + self._size[key]] for key in self._constants}
-        moved = np.empty((len(self), self._layout.width))
-        for i in range(len(self) - 1, -1, -1):
-            one, own = self._ends[i], self._variables(i)
-            beside = [steps[key] for key in one.variables[len(own) :]]
-            right = one.d - one.S @ np.concatenate(beside) if beside else one.d
-            moves = np.linalg.solve(one.R, right)
-            moved[i] = moves[: moved.shape[1]]
-            for key, begin in self._places(own).items():
-                steps[key] = moves[begin : begin + self._size[key]]
-        return moved, x, {key: steps[key] for of in self._arcs for key in of}
+        net = gtsam.GaussianBayesNet()
+        for one in self._all():
+            net.push_back(one)
+        steps = net.optimize()
+        of_keyframes = range(self.oldest, self.oldest + len(self))
+        own = [key for k in of_keyframes for key in self._layout.keyframe(k)]
+        moved: FloatArray = steps.vector(own).reshape(len(self), self._layout.width)
+        constants: FloatArray = steps.vector(self._constants)
+        arcs: dict[int, FloatArray] = {key: steps.at(key) for of in self._arcs for key in of}
+        return moved, constants, arcs
 
     def marginals(self, begin: int = 0, end: int | None = None) -> Marginals:
         """Return covariances of some keyframes, counted from the oldest, and of each with the next.
@@ -229,10 +216,10 @@ class Elimination:
             place = self._places((*self._variables(i + 1), *self._constants))
             columns = [
                 column
-                for key in one.variables[3:]
+                for key in one.keys()[3:]
                 for column in range(place[key], place[key] + self._size[key])
             ]
-            gain[i][:, columns] = np.linalg.solve(one.R, one.S)
+            gain[i][:, columns] = np.linalg.solve(one.R(), one.S())
         return gain
 
     def _undo(self, i: int) -> None:
@@ -243,12 +230,12 @@ class Elimination:
         """Return what is eliminated with a keyframe."""
         return (*self._layout.keyframe(self.oldest + i), *self._arcs[i])
 
-    def _all(self) -> list[_Eliminated]:
+    def _all(self) -> list[gtsam.GaussianConditional]:
         return self._ends if self._root is None else [*self._ends, self._root]
 
     def _covariance_of_constants(self) -> _Joint:
         one = self._root
-        inverse = np.linalg.inv(one.R) if one else np.empty((0, 0))
+        inverse = np.linalg.inv(one.R()) if one else np.empty((0, 0))
         return _Joint(self._places(self._constants), inverse @ inverse.T)
 
     def _descend(self, i: int, after: _Joint) -> _Joint:
@@ -257,11 +244,12 @@ class Elimination:
         carried = self._constants
         if i + 1 < len(self):
             carried = [*self._variables(i + 1), *self._constants]
-        variables = list(one.variables)
+        variables = list(one.keys())
         variables += [key for key in carried if key not in variables]
         rows = self._rows(after, variables[len(own) :])
         return _Joint(
-            self._places(variables), descended(one.R, np.ascontiguousarray(one.S), after.P, rows)
+            self._places(variables),
+            descended(np.ascontiguousarray(one.R()), np.ascontiguousarray(one.S()), after.P, rows),
         )
 
     def _rows(self, joint: _Joint, variables: Sequence[int]) -> IntArray:
@@ -282,7 +270,7 @@ class Elimination:
     def _check(self) -> None:
         """Raise if a pivot leaves a variable open."""
         for i, one in enumerate(self._all()):
-            pivots = np.abs(one.R.diagonal())
+            pivots = np.abs(one.R().diagonal())
             weak = int(pivots.argmin())
             if not pivots[weak] > _LEAST_PIVOT:
                 raise self._open(i, weak)
@@ -308,7 +296,7 @@ def _eliminate(
     factors: Sequence[gtsam.GaussianFactor],
     message: gtsam.JacobianFactor | None,
     variables: Sequence[int],
-) -> tuple[_Eliminated, gtsam.JacobianFactor | None]:
+) -> tuple[gtsam.GaussianConditional, gtsam.JacobianFactor | None]:
     """Return variables eliminated from factors and a message, and the message about the others."""
     graph, ordering = gtsam.GaussianFactorGraph(), gtsam.Ordering()
     for factor in factors:
@@ -317,7 +305,6 @@ def _eliminate(
         graph.push_back(message)
     for key in variables:
         ordering.push_back(key)
-    conditional, after = gtsam.EliminateQR(graph, ordering)
-    # Copies: R, S and d are views of the conditional, and do not keep it alive.
-    R, S, d = (np.array(part) for part in (conditional.R(), conditional.S(), conditional.d()))
-    return _Eliminated(conditional.keys(), R, S, d), after
+    eliminated: tuple[gtsam.GaussianConditional, gtsam.JacobianFactor | None]
+    eliminated = gtsam.EliminateQR(graph, ordering)
+    return eliminated

@@ -7,6 +7,7 @@ problem's nonlinear factors yields one by one.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import gtsam
 import numpy as np
@@ -96,11 +97,67 @@ class LinearProblem:
         return found
 
     def factors_by_keyframe(self) -> list[list[gtsam.GaussianFactor]]:
-        """Return all by the oldest keyframe of each, of keyframes from the first of a flight on."""
-        found = self.unary_factors()
-        for k, link in enumerate(self.motion_factors()):
-            found[k].append(link)
+        """Return all by the oldest keyframe of each, of keyframes from the first of a flight on.
+
+        Rows of a keyframe, and of the motion to the next, are one factor: its own time, not that of
+        elimination, is what a factor takes.
+        """
+        found: list[list[gtsam.GaussianFactor]] = [[] for _ in self.numbers]
+        found[0] += self.priors
+        for place, factor in self.phases:
+            found[place].append(factor)
+        rows, first = self._stacked()
+        spans = list(pairwise(np.cumsum([0, *self._sizes]).tolist()))
+        used = [bool(rows[:, begin:end].any()) for begin, end in spans]
+        for i, k in enumerate(self.numbers.tolist()):
+            own = np.ascontiguousarray(rows[first[i] : first[i + 1]].T)
+            is_last = i + 1 == len(self.numbers)
+            after = () if is_last else self.layout.keyframe(k + 1)
+            keys = (*self.layout.keyframe(k), *after, *self.layout.constant_keys)
+            of = [*spans[:3], *spans[6:]] if is_last else spans
+            is_used = [*used[:3], *used[6:]] if is_last else used
+            terms = [
+                (key, own[begin:end].T)
+                for key, (begin, end), is_in in zip(keys, of, is_used, strict=True)
+                if is_in
+            ]
+            if own.shape[1]:
+                found[i].append(linear_factor(terms, own[-1]))
         return found
+
+    @property
+    def _sizes(self) -> list[int]:
+        """Dimensions of two keyframes' variables, and of each constant."""
+        own = [_POSE.stop, VELOCITY.stop - VELOCITY.start, self.layout.width - AUX]
+        return [*own, *own, *(part.size for part in self.layout.constants.parts)]
+
+    def _stacked(self) -> tuple[FloatArray, IntArray]:
+        """Return rows of all keyframes, one after another, and the first of each, (n + 1,).
+
+        Columns: the keyframe's tangent, that of the next, constants, the right-hand side.
+        """
+        n, D = len(self.numbers), self.layout.width
+        width = 2 * D + self.layout.constants.width + 1
+        parts: list[tuple[IntArray, FloatArray]] = []
+        if self.motion is not None:
+            value, before, after, shared = self.motion
+            wide = np.concatenate([before, after, shared, -value[:, :, None]], axis=2)
+            parts.append((np.arange(len(value)), wide))
+        for places, (value, state, shared) in self.sensors:
+            wide = np.zeros((*value.shape, width))
+            wide[:, :, :D], wide[:, :, 2 * D : -1], wide[:, :, -1] = state, shared, -value
+            parts.append((places, wide))
+        counts = np.zeros(n, dtype=np.int64)
+        for places, wide in parts:
+            np.add.at(counts, places, wide.shape[1])
+        first = np.concatenate([[0], np.cumsum(counts)])
+        rows, begin = np.empty((first[-1], width)), first[:-1].copy()
+        for places, wide in parts:
+            m = wide.shape[1]
+            among = np.arange(len(places)) - places.searchsorted(places)  # of one keyframe
+            rows[(begin[places] + among * m)[:, None] + np.arange(m)] = wide
+            np.add.at(begin, places, m)
+        return rows, first
 
     def _of_keyframe(self, J: FloatArray) -> list[FloatArray | None]:
         return _blocks(J, (_POSE, VELOCITY, slice(AUX, self.layout.width)))

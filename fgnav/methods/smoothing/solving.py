@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
 _MISFIT = 1.5
 _GYROSCOPE_AUX = 6  # dimensions of a keyframe's biases
-_ROUGHLY = 40  # iterations about a heading that is but one of several
+_ROUGHLY = 20  # iterations about a heading that is but one of several
 
 
 def by_window(
