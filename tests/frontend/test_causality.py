@@ -143,7 +143,6 @@ def test_array_before_a_cut_is_the_same(which, resolver):
         assert_array_equal(part.excluded, whole.excluded[:n][:, :, of])
         assert_array_equal(part.refused, whole.refused[:n])
         assert_array_equal(part.attitude.solved, whole.attitude.solved[:n])
-        assert_same(part.variance_factor, whole.variance_factor[:n])
         assert_same(part.attitude.R_nb, whole.attitude.R_nb[:n])
         scale = np.abs(whole.form.information[:n]).max()
         assert_allclose(part.form.information, whole.form.information[:n], atol=1e-12 * scale)

@@ -62,7 +62,7 @@ def test_a_direction_that_is_sure_about_an_axis_is_refused(least):
 def test_directions_are_placed_among_keyframes():
     e_b, covariance = drawn(np.random.default_rng(5), 3)
     directions = Directions.of("some", e_b, covariance)
-    spread = directions[np.array([0, 2])].at(np.array([4, 1]), 6)
+    spread = directions[np.array([0, 2])].scatter(np.array([4, 1]), 6)
     assert spread.row.tolist() == [1, 4]
     assert_allclose(spread.across_b[[4, 1]], directions.across_b[[0, 2]], rtol=0, atol=0)
     assert not np.delete(spread.across_b, [1, 4], axis=0).any()
