@@ -54,12 +54,13 @@ def flight_figures(comparison: Comparison) -> dict[str, dict[str, float]]:
     """
     matched = _matched(comparison.methods)
     return {
-        method.name: _of(method) | {"matched_attitude_rmse_deg": matched.get(method.name, np.nan)}
+        method.name: _figures(method)
+        | {"matched_attitude_rmse_deg": matched.get(method.name, np.nan)}
         for method in comparison.methods
     }
 
 
-def _of(method: Method) -> dict[str, float]:
+def _figures(method: Method) -> dict[str, float]:
     score, errors = method.score, method.errors
     named: Mapping[str, float | None] = {
         "available": score.available,

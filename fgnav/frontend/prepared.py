@@ -67,11 +67,11 @@ class PreparedFlight:
     def as_of(self, t_s: float) -> "PreparedFlight":
         """Return the same as it was before integers were taken back after a time."""
 
-        def by(one: Problem) -> Problem:
+        def before_revision(one: Problem) -> Problem:
             row = int(np.searchsorted(one.t_s, t_s, side="right")) - 1
             return one if one.phase is None else replace(one, phase=one.phase.as_of(row))
 
-        return self.changed(by)
+        return self.changed(before_revision)
 
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
         """Return the same with all its problems changed."""

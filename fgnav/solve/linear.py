@@ -99,8 +99,8 @@ class LinearProblem:
     def factors_by_keyframe(self) -> list[list[gtsam.GaussianFactor]]:
         """Return all by the oldest keyframe of each, of keyframes from the first of a flight on.
 
-        Rows of a keyframe, and of the motion to the next, are one factor: its own time, not that of
-        elimination, is what a factor takes.
+        Rows of a keyframe and of the motion to the next are one factor: to make a factor takes as
+        long as to eliminate it.
         """
         found: list[list[gtsam.GaussianFactor]] = [[] for _ in self.numbers]
         found[0] += self.priors

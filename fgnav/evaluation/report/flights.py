@@ -53,7 +53,7 @@ def flights_report(comparison: FlightsComparison) -> Report:
 def on_screen(comparison: FlightsComparison) -> Blocks:
     """Return what a terminal shows of several flights."""
     rows = [
-        [one.flight, *(_of(one.figures, m, "attitude_rmse_deg") for m in comparison.methods)]
+        [one.flight, *(_cell(one.figures, m, "attitude_rmse_deg") for m in comparison.methods)]
         for one in comparison.flights
     ]
     caption = f"{len(rows)} flights: attitude RMS errors, deg"
@@ -159,7 +159,7 @@ def _per_flight(comparison: FlightsComparison) -> Blocks:
         [
             one.flight,
             method,
-            *(_of(one.figures, method, name) for name in _SUMMARY.values()),
+            *(_cell(one.figures, method, name) for name in _SUMMARY.values()),
             significant(one.seconds.get(method)),
         ]
         for one in comparison.flights
@@ -168,7 +168,7 @@ def _per_flight(comparison: FlightsComparison) -> Blocks:
     return table(["flight", "method", *_SUMMARY, "time, s"], rows)
 
 
-def _of(figures: Mapping[str, Mapping[str, float]], method: str, name: str) -> str:
+def _cell(figures: Mapping[str, Mapping[str, float]], method: str, name: str) -> str:
     return significant(figures.get(method, {}).get(name))
 
 

@@ -64,7 +64,7 @@ def remarks(comparison: Comparison) -> list[str]:
     """Return a line per failure, open state, note, kind of rejection and group of losses."""
     lines = [_REFERENCE + _counted(comparison)] if comparison.judged_by == "reference" else []
     methods = comparison.methods
-    for kind in (_failure, _verdicts, _unobservable, _open_heading, _doubt):
+    for kind in (_failure, _verdicts, _unobservable, _open_heading, _reservations):
         lines += _by_method({m.name: kind(m) for m in methods})
     complete = [m for m in methods if " without " not in m.name]  # they say it, too
     lines += _by_method({m.name: m.score.notes for m in complete or methods})
@@ -116,7 +116,7 @@ def _open_heading(method: Method) -> Iterator[str]:
         yield f"heading is open {first}{more} s, {sum(b - a for a, b in spans_s):.1f} s in all"
 
 
-def _doubt(method: Method) -> Iterator[str]:
+def _reservations(method: Method) -> Iterator[str]:
     """Yield a warning where a resolver accepts integers that are wrong too often."""
     counts = method.score.integers
     if counts is not None and counts.chance is not None and counts.chance > _DOUBTFUL:

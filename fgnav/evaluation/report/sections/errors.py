@@ -76,7 +76,7 @@ def _errors(method: Method, of: _Quantity) -> Series:
     if estimate is None or errors is None or values is None or of.name in hidden(estimate):
         return
     scale = 1.0 if of.covariance else 180 / np.pi
-    sigma, rows = _stated(estimate, of), common_epochs(estimate.t_s, errors.t_s)[0]
+    sigma, rows = _stated_sigma(estimate, of), common_epochs(estimate.t_s, errors.t_s)[0]
     for k, name in enumerate(of.components):
         title = f"error of {f'{of.name} ' if of.covariance else ''}{name}"
         half = None if sigma is None else _SIGMAS * sigma[rows, k]
@@ -84,7 +84,7 @@ def _errors(method: Method, of: _Quantity) -> Series:
         yield title, f"error, {of.unit}", replace(line, dots=is_rough(values))
 
 
-def _stated(estimate: Estimate, of: _Quantity) -> FloatArray | None:
+def _stated_sigma(estimate: Estimate, of: _Quantity) -> FloatArray | None:
     """Return 1-sigma as stated, (n, 3), in the unit shown; NaN of what is unobservable."""
     values = sigmas(getattr(estimate, of.covariance)) if of.covariance else estimate.sigma_deg
     lost = [bool({of.name, name} & hidden(estimate)) for name in of.components]
@@ -114,7 +114,7 @@ def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Block
 def _sigmas(flight: Flight, estimate: Estimate) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield name, unit and 1-sigma, (n,), of what an estimate states."""
     for of in _QUANTITIES:
-        if (values := _stated(estimate, of)) is not None:
+        if (values := _stated_sigma(estimate, of)) is not None:
             for name, component in zip(of.components, values.T, strict=True):
                 yield f"{of.name} {name}" if of.covariance else name, of.unit, component
     for name, unit_b in reported_baselines(flight).items():
