@@ -128,7 +128,7 @@ _ = axes.legend()
 # file, so a flight that is replayed ends where `forward` ends.
 
 # %%
-raw = truncated(replace(flight, magnetometer=None, barometer=None, seeker=None), 6.0)
+raw = truncated(replace(flight, magnetometer=None, barometer=None, photodetector=None), 6.0)
 stated = Forward(noise="stated")
 answers, seconds = [], []
 started_s = perf_counter()

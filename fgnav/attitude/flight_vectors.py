@@ -11,7 +11,7 @@ from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
-from fgnav.seeker import line_of_sight, to_landmark_b_m
+from fgnav.photodetector import line_of_sight, to_landmark_b_m
 from fgnav.types.flight import Antenna, Fixes, Flight, Imu
 
 _CROWDED = np.cos(np.radians(30))  # of the angle that velocity keeps from the other vectors
@@ -115,14 +115,14 @@ def measured_vectors(
         v_n, v_b, sources = [*v_n, f_n], [*v_b, f_b], [*sources, "specific force"]
         covariance = _force_covariance(imu, track, causal=causal)
         variance.append(_variance_across(f_n, covariance))
-    if flight.seeker is not None:
-        sight = line_of_sight(flight.seeker, causal=causal)
+    if flight.photodetector is not None:
+        sight = line_of_sight(flight.photodetector, causal=causal)
         losses = sight.losses
-        to_n_m = flight.seeker.landmark_n_m - track.p_n_m
+        to_n_m = flight.photodetector.landmark_n_m - track.p_n_m
         distance_m = np.linalg.norm(to_n_m, axis=1)
         e_b = at_epochs(sight.t_s, sight.e_b, track.t_s)
         v_n.append(to_n_m)
-        v_b.append(to_landmark_b_m(flight.seeker, e_b, track.arm_b_m, distance_m))
+        v_b.append(to_landmark_b_m(flight.photodetector, e_b, track.arm_b_m, distance_m))
         of_position_m2 = _variance_across(to_n_m, track.position_covariance_m2)
         variance.append((sight.sigma_rad * distance_m) ** 2 + of_position_m2)
         sources.append("line of sight")

@@ -10,7 +10,7 @@ from fgnav.terminal import progress
 _METHODS = "closed-form,maximum-likelihood,smoother,forward,batch,rtk"
 # Scenarios whose sensors differ: an array alone, a detector, one antenna with a magnetometer and a
 # barometer. Each is simulated, checked and estimated by these methods; nothing of it is kept.
-_FLIGHTS = {"demo": _METHODS, "terminal": "smoother,batch", "surroundings": "smoother,batch"}
+_FLIGHTS = {"demo": _METHODS, "approach": "smoother,batch", "surroundings": "smoother,batch"}
 
 
 def warm() -> None:

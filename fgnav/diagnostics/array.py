@@ -11,9 +11,9 @@ from fgnav.diagnostics.contents import SAMPLES, Finding
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, skew, transpose
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.seeker import line_of_sight
+from fgnav.photodetector import line_of_sight
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Fixes, Flight, Imu, Seeker
+from fgnav.types.flight import Fixes, Flight, Imu, Photodetector
 
 _MIN_EPOCHS, _MIN_SIGHTS = 20, 10
 _BETTER = 0.5  # share of the squares that another set-up leaves at most
@@ -99,7 +99,9 @@ def gyroscope_finding(imu: Imu, array: ArrayAttitudes) -> Finding | None:
     return Finding(f"gyroscope {'unit' if unit else 'axes'}", text, mend, SAMPLES, certain=True)
 
 
-def sight_finding(flight: Flight, seeker: Seeker, array: ArrayAttitudes) -> Finding | None:
+def sight_finding(
+    flight: Flight, photodetector: Photodetector, array: ArrayAttitudes
+) -> Finding | None:
     """Return a displaced landmark or a misaligned detector; None if lines of sight agree.
 
     Raises
@@ -107,7 +109,7 @@ def sight_finding(flight: Flight, seeker: Seeker, array: ArrayAttitudes) -> Find
     NoSolutionError
         If fewer than ten lines of sight have an attitude.
     """
-    residual, *derivatives = _sight_equations(flight, seeker, array)
+    residual, *derivatives = _sight_equations(flight, photodetector, array)
     square, causes = float(residual @ residual), []
     for (name, (prior, notable)), A in zip(_CAUSES.items(), derivatives, strict=True):
         x = np.linalg.solve(A.T @ A + np.eye(3) * prior**-2, A.T @ residual)
@@ -121,17 +123,17 @@ def sight_finding(flight: Flight, seeker: Seeker, array: ArrayAttitudes) -> Find
     if others and others[0][0] - left < _APART * max(left / len(residual), 1.0):
         text += f", or as well {_sight_text(*others[0][1:])}"
     text += f": residual squares are {square / max(left, 1.0):.3g} times larger as given"
-    return Finding(f"seeker {name}", text)
+    return Finding(f"photodetector {name}", text)
 
 
 def _sight_equations(
-    flight: Flight, seeker: Seeker, array: ArrayAttitudes
+    flight: Flight, photodetector: Photodetector, array: ArrayAttitudes
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return whitened residuals, (2 k,), and derivatives, (2 k, 3) each.
 
     By a rotation of the detector, body axes, rad, and by a shift of the landmark, frame n, m.
     """
-    sight, t_s = line_of_sight(seeker), array.t_s
+    sight, t_s = line_of_sight(photodetector), array.t_s
     after = np.searchsorted(t_s, sight.t_s).clip(1, len(t_s) - 1)
     inside = (sight.t_s >= t_s[0]) & (sight.t_s <= t_s[-1])
     inside &= t_s[after] - t_s[after - 1] < 1.5 * float(np.median(np.diff(t_s)))
@@ -139,8 +141,8 @@ def _sight_equations(
         raise NoSolutionError(f"{inside.sum()} lines of sight have an attitude beside them")
     at_s, e_b, P = sight.t_s[inside], sight.e_b[inside], array.covariance_rad2[after[inside]]
     R_nb, _ = array.interpolated(at_s)
-    arm_b_m = seeker.position_b_m - flight.antennas[0].position_b_m
-    to_n_m = seeker.landmark_n_m - interpolate(at_s, t_s, array.fixes.p_n_m) - R_nb @ arm_b_m
+    arm_b_m = photodetector.position_b_m - flight.antennas[0].position_b_m
+    to_n_m = photodetector.landmark_n_m - interpolate(at_s, t_s, array.fixes.p_n_m) - R_nb @ arm_b_m
     range_m = np.linalg.norm(to_n_m, axis=1)[:, None, None]
     expected_b = np.einsum("nji,nj->ni", R_nb, to_n_m / range_m[:, 0])
     across = np.linalg.svd(expected_b[:, None, :])[2][:, 1:, :]  # two unit vectors

@@ -62,7 +62,7 @@ class Diagnosis:
     channels : dict of str to int
         Signals tracked at least once, by constellation and signal: ``{"GPS 1C": 9}``.
     series : dict of str to Series
-        By sensor: ``gnss``, ``imu``, ``fixes``, ``seeker``, ``barometer``, ``magnetometer``,
+        By sensor: ``gnss``, ``imu``, ``fixes``, ``photodetector``, ``barometer``, ``magnetometer``,
         ``truth``.
     orbits : tuple of str
         ``broadcast``, ``precise``.
@@ -161,7 +161,7 @@ def _series_findings(series: dict[str, Series]) -> list[Finding]:
     findings = []
     main = next((s for name, s in series.items() if name.startswith(("gnss", "fixes"))), None)
     for name, s in series.items():
-        if s.gaps and name != "seeker":  # which is blind most of the time
+        if s.gaps and name != "photodetector":  # which is blind most of the time
             text = f"steps longer than {GAP:g} intervals: {s.gaps}, longest {s.longest_gap_s:.3f} s"
             findings.append(Finding(f"{name} gaps", text))
         if main is not None and (s.last_s < main.first_s or s.first_s > main.last_s):
@@ -245,9 +245,12 @@ def instrument_findings(flight: Flight) -> list[Finding]:
     findings, series = [], {}
     if flight.barometer is not None:
         series["barometer"] = (flight.barometer.t_s, flight.barometer.height_m[:, None])
-    if flight.seeker is not None:
-        seen = flight.seeker.currents.min(axis=1) > 0
-        series["seeker"] = (flight.seeker.t_s[seen], flight.seeker.currents[seen])
+    if flight.photodetector is not None:
+        seen = flight.photodetector.currents.min(axis=1) > 0
+        series["photodetector"] = (
+            flight.photodetector.t_s[seen],
+            flight.photodetector.currents[seen],
+        )
     if flight.magnetometer is not None:
         series["magnetometer"] = (flight.magnetometer.t_s, flight.magnetometer.field_b_ut)
     for name, (t_s, x) in series.items():

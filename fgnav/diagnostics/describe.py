@@ -100,10 +100,10 @@ def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
     if flight.imu is not None and len(flight.imu.t_s) > 1:
         _check_imu(flight, flight.imu, fixes, array, out, quick=quick)
     try:
-        if flight.seeker is not None and array is not None and not quick:
-            out.add(sight_finding(flight, flight.seeker, array))
+        if flight.photodetector is not None and array is not None and not quick:
+            out.add(sight_finding(flight, flight.photodetector, array))
     except NoSolutionError as error:
-        out.skip("seeker", str(error))
+        out.skip("photodetector", str(error))
     return None
 
 

@@ -160,7 +160,7 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "fixes": _none("fixes"),
     "gyroscope": _no_gyroscope,
     "inertial": _none("imu"),
-    "line-of-sight": _none("seeker"),
+    "line-of-sight": _none("photodetector"),
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
     "vehicle": _none("vehicle"),

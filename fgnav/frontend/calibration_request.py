@@ -140,8 +140,8 @@ def constants_of(
         If the flight has nothing that the constant belongs to.
     """
     lacking = {
-        "landmark": flight.seeker is None and "the flight has no [seeker]",
-        "boresight": flight.seeker is None and "the flight has no [seeker]",
+        "landmark": flight.photodetector is None and "the flight has no [photodetector]",
+        "boresight": flight.photodetector is None and "the flight has no [photodetector]",
         "gravity": not gravity and "no source of the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
         "clock": flight.imu is None and "the flight has no [imu]",

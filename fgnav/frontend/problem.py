@@ -39,7 +39,7 @@ from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, Seeker
+from fgnav.types.flight import Flight, Photodetector
 
 
 def build_problem(
@@ -82,7 +82,7 @@ def build_problem(
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
     tags = of_tags(settings.calibration, flight)
-    constants = _constants((*requested, *tags), stage, sensed, flight.seeker)
+    constants = _constants((*requested, *tags), stage, sensed, flight.photodetector)
     multipath, lasting_notes = _lasting(stage, requested)
     earth = flight.origin.earth_rate_n_radps
     motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
@@ -182,7 +182,7 @@ def _phase_before_heading(
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
     """Return what later keyframes need of these; None while, or where, it is not all summed up."""
-    start, others = stage.start, (flight.base, flight.vehicle, flight.seeker, stage.down)
+    start, others = stage.start, (flight.base, flight.vehicle, flight.photodetector, stage.down)
     if flight.standstill or any(one is not None for one in others):
         return None
     if start.motion is None or not start.motion.step_s or not start.valid.any():
@@ -206,12 +206,12 @@ def _constants(
     requested: tuple[FlightConstant, ...],
     stage: Aligned,
     sensed: Sensed,
-    seeker: Seeker | None,
+    photodetector: Photodetector | None,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
     parts = with_evidence(requested, sight=sensed.sight is not None)
-    if sensed.sight is not None and seeker is not None:
-        parts = with_landmark(parts, seeker.landmark_n_m)
+    if sensed.sight is not None and photodetector is not None:
+        parts = with_landmark(parts, photodetector.landmark_n_m)
     parts = (*parts, *sensed.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())

@@ -29,7 +29,7 @@ _WEIGHTLESS = 1e3  # on a standard deviation
 # Kinds of records by the name of their measurement.
 INSTRUMENTS = {
     "baseline": "baseline",
-    "line of sight": "seeker",
+    "line of sight": "photodetector",
     "barometric height": "barometer",
     "magnetic field": "magnetometer",
 }

@@ -84,12 +84,18 @@ def _scaled(imu: Imu, factors: Mapping[str, float]) -> Imu:
 def _instruments(flight: Flight, factors: Mapping[str, float]) -> Flight:
     """Return a flight with factors on the noise of barometer, detector and magnetometer."""
     height, sight, field = (factors.get(name, 1.0) for name in INSTRUMENTS)
-    barometer, seeker, magnetometer = flight.barometer, flight.seeker, flight.magnetometer
+    barometer, photodetector, magnetometer = (
+        flight.barometer,
+        flight.photodetector,
+        flight.magnetometer,
+    )
     if barometer is not None:
         barometer = replace(barometer, noise_m=barometer.noise_m * height)
-    if seeker is not None:
-        sigma_rad = seeker.line_of_sight_sigma_rad * sight
-        seeker = replace(seeker, line_of_sight_sigma_rad=sigma_rad)
+    if photodetector is not None:
+        sigma_rad = photodetector.line_of_sight_sigma_rad * sight
+        photodetector = replace(photodetector, line_of_sight_sigma_rad=sigma_rad)
     if magnetometer is not None:
         magnetometer = replace(magnetometer, noise_ut=magnetometer.noise_ut * field)
-    return replace(flight, barometer=barometer, seeker=seeker, magnetometer=magnetometer)
+    return replace(
+        flight, barometer=barometer, photodetector=photodetector, magnetometer=magnetometer
+    )

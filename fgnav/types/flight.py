@@ -9,7 +9,14 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
-from fgnav.types.instruments import Antenna, ElevationWeights, GnssNoise, Imu, Samples, Seeker
+from fgnav.types.instruments import (
+    Antenna,
+    ElevationWeights,
+    GnssNoise,
+    Imu,
+    Photodetector,
+    Samples,
+)
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.receiver import Baseline, Fixes
@@ -28,7 +35,7 @@ __all__ = [
     "Imu",
     "InitialAttitude",
     "LinkIntegers",
-    "Seeker",
+    "Photodetector",
     "Truth",
 ]
 
@@ -134,7 +141,13 @@ class LinkIntegers:
 
 
 TruthSource: TypeAlias = Literal["simulated", "survey", "filter"]
-_SINGLE = ("imu", "seeker", "barometer", "magnetometer", "truth")  # records of one instrument
+_SINGLE = (
+    "imu",
+    "photodetector",
+    "barometer",
+    "magnetometer",
+    "truth",
+)  # of one instrument
 TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 
@@ -205,7 +218,7 @@ class Flight:
         Of receivers, each of another antenna; the first one's track starts an estimate.
     baselines : tuple of Baseline
         From antenna to antenna, by receivers.
-    imu, seeker, barometer, magnetometer, truth : their types, or None
+    imu, photodetector, barometer, magnetometer, truth : their types, or None
     vehicle : WheeledVehicle, FinnedVehicle or None
         What it may be taken to do.
     standstill : bool
@@ -238,7 +251,7 @@ class Flight:
     imu: Imu | None = None
     fixes: tuple[Fixes, ...] = ()
     baselines: tuple[Baseline, ...] = ()
-    seeker: Seeker | None = None
+    photodetector: Photodetector | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
     vehicle: WheeledVehicle | FinnedVehicle | None = None

@@ -160,7 +160,7 @@ class Imu(Samples):
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Seeker(Samples):
+class Photodetector(Samples):
     """Quadrant photodetector that sees one beacon at a known place.
 
     Attributes
@@ -193,12 +193,14 @@ class Seeker(Samples):
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
-        k = freeze_times("seeker", self)
-        freeze("seeker", self, {"calibration": (None, 2)})
+        k = freeze_times("photodetector", self)
+        freeze("photodetector", self, {"calibration": (None, 2)})
         if len(self.calibration) < 2 or (np.diff(self.calibration, axis=0) <= 0).any():
-            raise BadInputError("seeker calibration: needs two rows or more, columns increasing")
-        positive("seeker detector_radius_m", self.detector_radius_m)
-        positive("seeker focal_length_m", self.focal_length_m)
-        positive("seeker line_of_sight_sigma_rad", self.line_of_sight_sigma_rad)
+            raise BadInputError(
+                "photodetector calibration: needs two rows or more, columns increasing"
+            )
+        positive("photodetector detector_radius_m", self.detector_radius_m)
+        positive("photodetector focal_length_m", self.focal_length_m)
+        positive("photodetector line_of_sight_sigma_rad", self.line_of_sight_sigma_rad)
         shapes = {"currents": (k, 4), "position_b_m": (3,), "landmark_n_m": (3,)}
-        freeze("seeker", self, shapes)
+        freeze("photodetector", self, shapes)

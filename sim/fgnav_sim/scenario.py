@@ -49,7 +49,7 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
     (-0.8, 0.0, -0.1),
 )
 _GPS_EPOCH: datetime = GPS_EPOCH.item()  # GPS time has no time zone
-_ON_EARTH = ("gnss", "imu", "seeker", "barometer")  # sensors that know the WGS-84 Earth
+_ON_EARTH = ("gnss", "imu", "photodetector", "barometer")  # sensors that know the WGS-84 Earth
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
 
 __all__ = [
@@ -61,9 +61,9 @@ __all__ = [
     "ImuTable",
     "OcclusionTable",
     "OpticsTable",
+    "PhotodetectorTable",
     "Place",
     "Scenario",
-    "SeekerTable",
     "load_scenario",
 ]
 
@@ -138,7 +138,7 @@ class OcclusionTable(SpanTable, frozen=True):
     quadrant: Annotated[int, msgspec.Meta(ge=1, le=4)]
 
 
-class SeekerTable(Table, frozen=True):
+class PhotodetectorTable(Table, frozen=True):
     """Quadrant photodetector that sees a beacon within its range and field of view."""
 
     landmark: Place  # the beacon
@@ -190,7 +190,7 @@ class Scenario(Table, frozen=True):
     imu: ImuTable | None = None
     fixes: FixesTable | None = None
     baseline: BaselineTable | None = None
-    seeker: SeekerTable | None = None
+    photodetector: PhotodetectorTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
 

@@ -102,21 +102,37 @@ def _sensed(
     scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
 ) -> Flight:
     """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
-    gnss_rng, imu_rng, fixes_rng, seeker_rng, drawn_rng, _, barometer_rng, magnetometer_rng = rngs
+    (
+        gnss_rng,
+        imu_rng,
+        fixes_rng,
+        photodetector_rng,
+        drawn_rng,
+        _,
+        barometer_rng,
+        magnetometer_rng,
+    ) = rngs
     baseline_rng = barometer_rng.spawn(1)[0]
-    gnss, imu, fixes, seeker = scenario.gnss, scenario.imu, scenario.fixes, scenario.seeker
+    gnss, imu, fixes, photodetector = (
+        scenario.gnss,
+        scenario.imu,
+        scenario.fixes,
+        scenario.photodetector,
+    )
     barometer, magnet = scenario.barometer, scenario.magnetometer
     broadcast, precise = _orbits(gnss, scenario) if gnss else (None, None)
     flown = precise or broadcast
     real = _misplaced(scenario, drawn_rng.spawn(1)[0])
-    watched = detector.watch(seeker, scenario, rng=seeker_rng) if seeker else None
+    watched = (
+        detector.watch(photodetector, scenario, rng=photodetector_rng) if photodetector else None
+    )
     sensed = inertial.sense(imu, scenario, rng=imu_rng) if imu else None
     losses = inertial.saturated(imu, sensed) if imu and sensed else ()
-    if seeker and watched:
-        losses += detector.saturated(seeker, watched)
-    elif seeker:
+    if photodetector and watched:
+        losses += detector.saturated(photodetector, watched)
+    elif photodetector:
         reason = "beacon never within range and field of view"
-        losses += (Loss(what="seeker", reason=reason, count=1),)
+        losses += (Loss(what="photodetector", reason=reason, count=1),)
     received = base = None
     if gnss and flown:
         received = observe(gnss, real, flown, messages=broadcast, rng=gnss_rng, progress=progress)
@@ -144,7 +160,7 @@ def _sensed(
         imu=sensed,
         fixes=tuple(fix(fixes, real, fixes_rng)) if fixes else (),
         baselines=(baseline(scenario.baseline, real, baseline_rng),) if scenario.baseline else (),
-        seeker=watched,
+        photodetector=watched,
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
         truth=_truth(scenario, received.integers if received else None),

@@ -20,7 +20,7 @@ from fgnav_sim.simulate import simulate
 
 HERE = Path(__file__).resolve().parent
 LONGEST_S = 60.0  # what is longer repeats itself …
-SAME = ("hour", "beacon")  # … and these fly like demo and terminal
+SAME = ("hour", "beacon")  # … and these fly like demo and approach
 SEED = 1
 ROW = 0.17  # inches of a channel: its name can be read
 OFTEN = 0.05  # share of samples at which an angle wraps: more are dots

@@ -66,17 +66,17 @@ def spin(rng: np.random.Generator) -> Scenario:
 
 def instruments(rng: np.random.Generator) -> Scenario:
     """Return fixes and a gyroscope with barometer, magnetometer and line of sight."""
-    terminal = shipped("terminal", 40.0, gyro=True)
+    approach = shipped("approach", 40.0, gyro=True)
     surroundings = load_scenario("surroundings")
     return change(
-        terminal,
-        motion=change(terminal.motion, roll=drawn_sine(rng)),
+        approach,
+        motion=change(approach.motion, roll=drawn_sine(rng)),
         antennas_b_m=ONE_B_M,
         gnss=None,
         fixes=FixesTable(rate_hz=5.0),
         barometer=surroundings.barometer,
         magnetometer=surroundings.magnetometer,
-        seeker=change(terminal.seeker, range_m=SEEN_FROM_M),
+        photodetector=change(approach.photodetector, range_m=SEEN_FROM_M),
     )
 
 

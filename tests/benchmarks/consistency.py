@@ -137,7 +137,7 @@ def cases() -> dict[str, Scenario]:
         "spin2hz": change(spin, motion=change(spin.motion, roll=Rate(rate_degps=720.0))),
         "gnss1hz": change(sine[20.0], gnss=change(six.gnss, rate_hz=1.0)),
         "gyro": change(sine[20.0], imu=gyroscope),
-        "sight": load_scenario("terminal"),
+        "sight": load_scenario("approach"),
         "no_phase": change(sine[20.0], gnss=None, fixes=FixesTable(rate_hz=10.0)),
         "between": sine[20.0],
         # Of the model's own motion: its rate prior stated, so that all of the model is as the truth
@@ -177,7 +177,7 @@ def true_bias(name: str, seed: int) -> tuple[FloatArray, FloatArray]:
     change = msgspec.structs.replace
     rng = np.random.default_rng(seed)
     whole = scenario_of(name, rng)
-    part, gyroscope = change(whole, gnss=None, fixes=None, seeker=None), None
+    part, gyroscope = change(whole, gnss=None, fixes=None, photodetector=None), None
     if whole.imu.gyroscope_bias_radps is not None:
         gyroscope = {"gyroscope_noise_radps_per_sqrt_hz": QUIET}
     felt = change(part.imu, accelerometer_noise_mps2_per_sqrt_hz=QUIET, **(gyroscope or {}))

@@ -15,10 +15,10 @@ from fgnav.types.flight import Flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks._rows import Row, row
-from tests.diagnostics.faults import FAULTS, NEEDS_SEEKER
+from tests.diagnostics.faults import FAULTS, NEEDS_PHOTODETECTOR
 
 FLIGHTS, RIGHT = 20, 200
-MOVING = ("demo", "rough", "terminal", "six")
+MOVING = ("demo", "rough", "approach", "six")
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,
     "gyroscope_bias_radps": 1e-3,
@@ -38,7 +38,7 @@ def run() -> list[Row]:
     found, named, whole = {}, {}, 0
     for name, fault in FAULTS.items():
         found[name] = named[name] = 0
-        for flight in flights(FLIGHTS, ("terminal",) if name in NEEDS_SEEKER else MOVING):
+        for flight in flights(FLIGHTS, ("approach",) if name in NEEDS_PHOTODETECTOR else MOVING):
             broken, culprit = fault(flight, rng)
             findings = describe(broken).findings
             found[name] += bool(findings)

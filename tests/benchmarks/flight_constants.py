@@ -14,7 +14,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, log, transpose
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Batch
-from fgnav.seeker import line_of_sight
+from fgnav.photodetector import line_of_sight
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav_sim.gnss.tables import Point
@@ -62,8 +62,10 @@ def antenna(flight: Flight, rng: np.random.Generator) -> tuple[Flight, FloatArra
 def landmark(flight: Flight, rng: np.random.Generator) -> tuple[Flight, FloatArray]:
     """Put the landmark elsewhere, 5 m in each axis at one sigma."""
     shift_n_m = LANDMARK_M * rng.standard_normal(3)
-    place_n_m = flight.seeker.landmark_n_m + shift_n_m
-    return replace(flight, seeker=replace(flight.seeker, landmark_n_m=place_n_m)), -shift_n_m
+    place_n_m = flight.photodetector.landmark_n_m + shift_n_m
+    return replace(
+        flight, photodetector=replace(flight.photodetector, landmark_n_m=place_n_m)
+    ), -shift_n_m
 
 
 def boresight(flight: Flight, rng: np.random.Generator) -> tuple[Flight, FloatArray]:
@@ -72,25 +74,25 @@ def boresight(flight: Flight, rng: np.random.Generator) -> tuple[Flight, FloatAr
     The calibration is the identity there, so that currents are told from spots exactly.
     """
     turn_b_rad = np.array([0.0, *(BORESIGHT_RAD * rng.standard_normal(2))])
-    seeker, seen = flight.seeker, line_of_sight(flight.seeker)
+    photodetector, seen = flight.photodetector, line_of_sight(flight.photodetector)
     e_d = seen.e_b @ exp(turn_b_rad[None])[0]
-    spot = seeker.focal_length_m * e_d[:, 1:] / e_d[:, :1] / seeker.detector_radius_m
+    spot = photodetector.focal_length_m * e_d[:, 1:] / e_d[:, :1] / photodetector.detector_radius_m
     currents = np.exp(np.stack([spot[:, 1], 0 * spot[:, 0], 0 * spot[:, 0], spot[:, 0]], axis=1))
     part = replace(
-        seeker,
+        photodetector,
         t_s=seen.t_s,
         currents=currents,
         calibration=np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]),
     )
     within = np.linalg.norm(spot, axis=1) < 1
     part = replace(part, t_s=part.t_s[within], currents=part.currents[within])
-    return replace(flight, seeker=part), turn_b_rad[1:]
+    return replace(flight, photodetector=part), turn_b_rad[1:]
 
 
 CASES = {
     "antenna_off": Case(scenario="demo", words=(f"antenna:a4={ANTENNA_M}",), fault=antenna),
-    "landmark_off": Case(scenario="terminal", words=(f"landmark={LANDMARK_M}",), fault=landmark),
-    "boresight_off": Case(scenario="terminal", words=("boresight=1",), fault=boresight),
+    "landmark_off": Case(scenario="approach", words=(f"landmark={LANDMARK_M}",), fault=landmark),
+    "boresight_off": Case(scenario="approach", words=("boresight=1",), fault=boresight),
 }
 
 

@@ -63,16 +63,19 @@ def utc_in_observations(flight, rng):  # noqa: ARG001
 
 def landmark_off(flight, rng):
     shift_m = rng.uniform(10.0, 15.0) * across(flight, rng)
-    seeker = replace(flight.seeker, landmark_n_m=flight.seeker.landmark_n_m + shift_m)
-    return replace(flight, seeker=seeker), "seeker landmark"
+    photodetector = replace(
+        flight.photodetector, landmark_n_m=flight.photodetector.landmark_n_m + shift_m
+    )
+    return replace(flight, photodetector=photodetector), "photodetector landmark"
 
 
 def detector_turned(flight, rng):
     """Turn about an axis across the boresight: the spot moves on the detector."""
     angle = rng.uniform(0, 2 * np.pi)
     return replace(
-        flight, seeker=turned(flight.seeker, 2.0 * np.array([np.cos(angle), np.sin(angle)]))
-    ), "seeker detector"
+        flight,
+        photodetector=turned(flight.photodetector, 2.0 * np.array([np.cos(angle), np.sin(angle)])),
+    ), "photodetector detector"
 
 
 FAULTS = {
@@ -92,7 +95,7 @@ FAULTS = {
         detector_turned,
     )
 }
-NEEDS_SEEKER = ("landmark off", "detector turned")
+NEEDS_PHOTODETECTOR = ("landmark off", "detector turned")
 
 
 def moved(flight, places_b_m):
@@ -115,23 +118,23 @@ def unit(rng):
 
 def across(flight, rng):
     """A direction that is not along the line of sight, which the sights could not tell."""
-    to_n_m = flight.seeker.landmark_n_m - flight.truth.p_n_m[-1]
+    to_n_m = flight.photodetector.landmark_n_m - flight.truth.p_n_m[-1]
     v = np.cross(to_n_m, unit(rng))
     return v / np.linalg.norm(v)
 
 
-def turned(seeker, degrees_yz):
+def turned(photodetector, degrees_yz):
     """The detector whose boresight leans, in the currents that it would then have given."""
-    from fgnav.seeker import line_of_sight
+    from fgnav.photodetector import line_of_sight
 
-    sight = line_of_sight(seeker)
-    keep = np.isin(seeker.t_s, sight.t_s)
-    spot = sight.e_b[:, 1:] / sight.e_b[:, :1] * seeker.focal_length_m
-    spot = spot + seeker.focal_length_m * np.radians(degrees_yz)
-    r_c = np.linalg.norm(spot, axis=1) / seeker.detector_radius_m
-    on = r_c < 0.95 * seeker.calibration[-1, 1]
-    r_quad = np.interp(r_c[on], seeker.calibration[:, 1], seeker.calibration[:, 0])
+    sight = line_of_sight(photodetector)
+    keep = np.isin(photodetector.t_s, sight.t_s)
+    spot = sight.e_b[:, 1:] / sight.e_b[:, :1] * photodetector.focal_length_m
+    spot = spot + photodetector.focal_length_m * np.radians(degrees_yz)
+    r_c = np.linalg.norm(spot, axis=1) / photodetector.detector_radius_m
+    on = r_c < 0.95 * photodetector.calibration[-1, 1]
+    r_quad = np.interp(r_c[on], photodetector.calibration[:, 1], photodetector.calibration[:, 0])
     logs = spot[on] / np.linalg.norm(spot[on], axis=1, keepdims=True) * r_quad[:, None]
     i2, i3 = np.ones(len(logs)), np.ones(len(logs))
     currents = np.stack([np.exp(logs[:, 1]), i2, i3, np.exp(logs[:, 0])], axis=1)
-    return replace(seeker, t_s=seeker.t_s[keep][on], currents=currents)
+    return replace(photodetector, t_s=photodetector.t_s[keep][on], currents=currents)

@@ -12,7 +12,7 @@ from fgnav.diagnostics import describe
 from fgnav.io.flight.folder import load_flight
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.diagnostics.faults import FAULTS, NEEDS_SEEKER, moved
+from tests.diagnostics.faults import FAULTS, NEEDS_PHOTODETECTOR, moved
 from tests.integers.wettzell import write_flight
 from tests.methods.simulated import SCENARIOS
 from tests.robustness.drawn.flights import right_flight
@@ -28,12 +28,12 @@ GYROSCOPE = {
 def flown(name):
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     imu = msgspec.structs.replace(scenario.imu, position_b_m=(0.3, -0.15, 0.2), **GYROSCOPE)
-    span_s = 60.0 if name == "terminal" else 30.0
+    span_s = 60.0 if name == "approach" else 30.0
     scenario = msgspec.structs.replace(scenario, imu=imu, duration_s=span_s)
     return simulate(scenario, np.random.default_rng(3))
 
 
-@pytest.mark.parametrize("name", ["demo", "rough", "terminal", "spin"])
+@pytest.mark.parametrize("name", ["demo", "rough", "approach", "spin"])
 def test_a_right_flight_raises_no_alarm(name):
     assert describe(flown(name)).findings == ()
 
@@ -50,13 +50,13 @@ def test_a_lever_arm_that_noise_of_the_rates_hides_is_not_judged():
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_a_mistake_is_found_and_the_right_one_blamed(name):
-    flight = flown("terminal" if name in NEEDS_SEEKER else "demo")
+    flight = flown("approach" if name in NEEDS_PHOTODETECTOR else "demo")
     broken, culprit = FAULTS[name](flight, np.random.default_rng(5))
     findings = describe(broken).findings
     assert any(culprit in f"{f.name}: {f.text}" for f in findings), findings
 
 
-@pytest.mark.parametrize("name", ["demo", "rough", "terminal", "spin"])
+@pytest.mark.parametrize("name", ["demo", "rough", "approach", "spin"])
 @pytest.mark.parametrize("seed", range(3))
 def test_axes_are_certain_beside_an_array_before_an_estimate_too(name, seed):
     assert describe(flown(name), quick=True).findings == ()

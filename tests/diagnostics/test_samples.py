@@ -79,7 +79,9 @@ def test_a_repeated_sample_of_an_instrument_is_named_with_its_span():
 
 
 def test_a_detector_that_never_changes_is_stuck():
-    flight = right_flights(20.0)["seeker"]
-    currents = np.tile(flight.seeker.currents[3], (len(flight.seeker.t_s), 1))
-    ((name, _),) = stuck(replace(flight, seeker=replace(flight.seeker, currents=currents)))
-    assert name == "seeker stuck"
+    flight = right_flights(20.0)["photodetector"]
+    currents = np.tile(flight.photodetector.currents[3], (len(flight.photodetector.t_s), 1))
+    ((name, _),) = stuck(
+        replace(flight, photodetector=replace(flight.photodetector, currents=currents))
+    )
+    assert name == "photodetector stuck"

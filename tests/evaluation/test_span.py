@@ -19,8 +19,8 @@ from fgnav_sim.simulate import simulate
 def flight():
     import msgspec
 
-    terminal = load_scenario("terminal")
-    return simulate(msgspec.structs.replace(terminal, duration_s=4.0), np.random.default_rng(1))
+    approach = load_scenario("approach")
+    return simulate(msgspec.structs.replace(approach, duration_s=4.0), np.random.default_rng(1))
 
 
 def test_what_lies_outside_is_gone(flight):

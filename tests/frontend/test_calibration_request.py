@@ -54,8 +54,8 @@ def test_words_that_mean_nothing_are_named(words, text):
 @pytest.mark.parametrize(
     ("word", "text"),
     [
-        ("landmark", r"estimate landmark: the flight has no \[seeker\]"),
-        ("boresight", r"estimate boresight: the flight has no \[seeker\]"),
+        ("landmark", r"estimate landmark: the flight has no \[photodetector\]"),
+        ("boresight", r"estimate boresight: the flight has no \[photodetector\]"),
         ("gravity", "estimate gravity: no source of the direction of gravity"),
         ("antenna:b7", "estimate antenna:b7: not one of a1, a2"),
         ("antenna:a1", "estimate antenna:a1: is the reference of the array; ask for lever-arm"),
@@ -108,7 +108,7 @@ def test_a_landmark_that_is_not_asked_for_stands_where_it_was_surveyed():
 
 def test_a_landmark_that_is_asked_for_has_its_own_doubt():
     requests = calibration_requests(("landmark=30",))
-    seeing = flown("terminal", 60.0)
+    seeing = flown("approach", 60.0)
     (landmark,) = with_landmark(constants_of(requests, seeing, gravity=False), LANDMARK_N_M)
     assert landmark.reported
     assert_allclose(landmark.mean, LANDMARK_N_M)

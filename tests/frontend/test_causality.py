@@ -27,7 +27,7 @@ from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.rounding import Rounding
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.integers.validation import share_so_far, share_threshold
-from fgnav.seeker import line_of_sight
+from fgnav.photodetector import line_of_sight
 from fgnav.types.flight import Flight, Imu
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.scenario import load_scenario
@@ -238,20 +238,20 @@ def test_vectors_of_an_approach_before_a_cut_are_the_same():
 
 
 def test_line_of_sight_before_a_cut_is_the_same():
-    seeker = approach().seeker
-    whole = line_of_sight(seeker, causal=True)
+    photodetector = approach().photodetector
+    whole = line_of_sight(photodetector, causal=True)
     for cut_s in (45.0, 55.0, 58.5):
-        part = line_of_sight(truncated(approach(), cut_s).seeker, causal=True)
+        part = line_of_sight(truncated(approach(), cut_s).photodetector, causal=True)
         assert_array_equal(part.t_s, whole.t_s[whole.t_s <= cut_s])
         assert_array_equal(part.e_b, whole.e_b[: len(part.t_s)])
 
 
 def test_limit_of_a_detector_shows_at_the_third_time():
-    seeker = approach().seeker
+    photodetector = approach().photodetector
     currents = np.tile([1.0, 2.0, 3.0, 4.0], (8, 1)) + 0.01 * np.arange(8)[:, None]
     currents[3:, 3] = 9.0
     t_s = np.arange(8.0)
-    found = line_of_sight(replace(seeker, t_s=t_s, currents=currents), causal=True)
+    found = line_of_sight(replace(photodetector, t_s=t_s, currents=currents), causal=True)
     assert found.losses[0].reason == "a current stands at its limit"
     assert_array_equal(np.setdiff1d(t_s, found.t_s), [5.0, 6.0, 7.0])
 
@@ -387,5 +387,7 @@ def test_cut_flight_keeps_what_came_before():
     assert np.isfinite(cut.observations.code_m).any(axis=(0, 1)).all()
     assert cut.truth is flight.truth
     assert truncated(flight, -1.0).observations is None
-    assert truncated(approach(), 50.0).seeker.t_s[-1] <= 50.0 < approach().seeker.t_s[-1]
-    assert truncated(approach(), 1.0).seeker is None
+    assert (
+        truncated(approach(), 50.0).photodetector.t_s[-1] <= 50.0 < approach().photodetector.t_s[-1]
+    )
+    assert truncated(approach(), 1.0).photodetector is None

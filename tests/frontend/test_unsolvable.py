@@ -45,8 +45,10 @@ def inertial(flight, **change):
 
 def dark(flight):
     """Its detector never sees the beacon."""
-    currents = np.zeros_like(flight.seeker.currents)
-    return dataclasses.replace(flight, seeker=dataclasses.replace(flight.seeker, currents=currents))
+    currents = np.zeros_like(flight.photodetector.currents)
+    return dataclasses.replace(
+        flight, photodetector=dataclasses.replace(flight.photodetector, currents=currents)
+    )
 
 
 CASES = {
@@ -108,7 +110,7 @@ def test_what_is_missing_is_named(name):
 
 def blind():
     """One antenna, no Doppler, and a detector that never sees."""
-    return lacking(dark(flown("terminal", 60.0)), antennas=[0], without=("doppler_hz",))
+    return lacking(dark(flown("approach", 60.0)), antennas=[0], without=("doppler_hz",))
 
 
 def test_a_detector_that_never_sees_beside_one_antenna_is_named():

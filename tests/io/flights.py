@@ -12,7 +12,7 @@ from fgnav.types.flight import (
     Flight,
     GnssNoise,
     LinkIntegers,
-    Seeker,
+    Photodetector,
     Truth,
 )
 from fgnav.types.observations import Observations
@@ -137,7 +137,7 @@ def whole_flight(rng: np.random.Generator) -> Flight:
             for name in ("a1", "näs/1")
         ),
         baselines=_baselines(t_s, rng),
-        seeker=Seeker(
+        photodetector=Photodetector(
             t_s=t_s,
             currents=currents,
             position_b_m=np.array([1.0, 0.0, 0.0]),

@@ -11,7 +11,7 @@ from fgnav.methods import method_named
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.types.flight import Flight
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, Place, Scenario, SeekerTable
+from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.simulate import simulate
 
 LIVELY = Motion(
@@ -22,7 +22,7 @@ LIVELY = Motion(
 )
 GNSS = GnssTable(rate_hz=5.0, code_noise_m=0.3, elevation_weights="uniform")
 FIXES = FixesTable(rate_hz=5.0, velocity_noise_mps=0.02)
-BEACON = SeekerTable(landmark=Place(latitude_deg=40.3500, height_m=300.0))  # 2.2 km ahead
+BEACON = PhotodetectorTable(landmark=Place(latitude_deg=40.3500, height_m=300.0))  # 2.2 km ahead
 
 
 def flown(seed=4, **scenario):
@@ -130,13 +130,15 @@ def test_two_antennas_have_their_roll_from_an_accelerometer_and_not_from_a_few_s
     assert by_force.unobservable == ()
     assert len(by_force.t_s) == 48  # both ends lack an acceleration
     beacon = msgspec.structs.replace(BEACON, range_m=1500.0)  # from the eighth second on
-    by_sight = ClosedForm(resolver=Truth())(flown(gnss=GNSS, antennas_b_m=two, seeker=beacon))
+    by_sight = ClosedForm(resolver=Truth())(
+        flown(gnss=GNSS, antennas_b_m=two, photodetector=beacon)
+    )
     assert by_sight.unobservable == ("roll",)
     assert len(by_sight.t_s) == 50
 
 
 def test_specific_force_and_line_of_sight_replace_an_array():
-    flight = flown(fixes=FIXES, imu=ImuTable(), seeker=BEACON)
+    flight = flown(fixes=FIXES, imu=ImuTable(), photodetector=BEACON)
     estimate = ClosedForm(moves_forward=False)(flight)
     assert "Pairs: 41 of specific force, 41 of line of sight." in estimate.notes
     assert estimate.unobservable == ()
@@ -162,7 +164,7 @@ def test_specific_force_alone_leaves_yaw_open_by_name():
 
 
 def test_a_single_antenna_is_placed_by_its_code():
-    flight = flown(gnss=GNSS, antennas_b_m=((0.0, 0.0, 0.0),), seeker=BEACON)
+    flight = flown(gnss=GNSS, antennas_b_m=((0.0, 0.0, 0.0),), photodetector=BEACON)
     estimate = ClosedForm()(flight)
     assert estimate.epochs == 50
     assert estimate.p_n_m is not None
@@ -185,7 +187,7 @@ def test_a_flight_without_any_position_is_no_solution(array_flight):
 
 
 def test_velocity_does_not_join_a_line_of_sight_that_it_follows():
-    flight = flown(fixes=FIXES, imu=ImuTable(), seeker=BEACON)
+    flight = flown(fixes=FIXES, imu=ImuTable(), photodetector=BEACON)
     estimate = ClosedForm()(flight)
     # Both ends lack an acceleration, so specific force: the two others lie 5 degrees apart.
     assert (len(estimate.t_s), estimate.epochs) == (48, 50)

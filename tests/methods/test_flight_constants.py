@@ -12,8 +12,8 @@ from fgnav.evaluation.span import within
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
+from fgnav.photodetector import line_of_sight
 from fgnav.process.hyperparameters import RatePrior
-from fgnav.seeker import line_of_sight
 from tests.frontend.array.test_shape import OFF_B_M, off
 from tests.methods.simulated import errors_rad, flown, nees, shared
 
@@ -57,64 +57,66 @@ def test_an_antenna_three_centimetres_off_costs_nothing_once_it_is_estimated(met
 
 
 @pytest.fixture(scope="module")
-def terminal():
+def approach():
     """Return the end of a flight, over which its detector sees the landmark."""
-    return within(flown("terminal", 60.0), 46.0, None)
+    return within(flown("approach", 60.0), 46.0, None)
 
 
 @pytest.fixture(scope="module")
-def usual_rad(terminal):
-    return rms_rad(terminal, Batch(noise="stated")(terminal))
+def usual_rad(approach):
+    return rms_rad(approach, Batch(noise="stated")(approach))
 
 
-def test_a_landmark_five_metres_off_is_found(terminal, usual_rad):
+def test_a_landmark_five_metres_off_is_found(approach, usual_rad):
     shift_n_m = np.array([0.0, 4.0, -3.0])
-    place_n_m = terminal.seeker.landmark_n_m + shift_n_m
+    place_n_m = approach.photodetector.landmark_n_m + shift_n_m
     wrong = dataclasses.replace(
-        terminal, seeker=dataclasses.replace(terminal.seeker, landmark_n_m=place_n_m)
+        approach, photodetector=dataclasses.replace(approach.photodetector, landmark_n_m=place_n_m)
     )
     estimate = Batch(estimate=("landmark",))(wrong)
     sigmas, squared = normalised(named(estimate, "landmark"), -shift_n_m)
     assert sigmas < 3
     assert squared < 14.2
-    assert rms_rad(terminal, estimate) < 1.1 * usual_rad
+    assert rms_rad(approach, estimate) < 1.1 * usual_rad
     sight = next(c for c in estimate.consistency if c.what == "line of sight")
     assert abs(sight.nis - 1) < 5 * np.sqrt(2 / sight.freedom)
 
 
 def turned(flight, turn_b_rad):
     """The flight as a detector sees it that is turned in the body: currents of other directions."""
-    seeker, seen = flight.seeker, line_of_sight(flight.seeker)
+    photodetector, seen = flight.photodetector, line_of_sight(flight.photodetector)
     e_d = seen.e_b @ exp(np.array([turn_b_rad]))[0]
-    spot = seeker.focal_length_m * e_d[:, 1:] / e_d[:, :1] / seeker.detector_radius_m
+    spot = photodetector.focal_length_m * e_d[:, 1:] / e_d[:, :1] / photodetector.detector_radius_m
     r_c = np.linalg.norm(spot, axis=1)
-    r_quad = np.interp(r_c, seeker.calibration[:, 1], seeker.calibration[:, 0])
+    r_quad = np.interp(r_c, photodetector.calibration[:, 1], photodetector.calibration[:, 0])
     logs = spot * (r_quad / r_c)[:, None]
     zero = np.zeros(len(logs))
     currents = np.exp(np.stack([logs[:, 1], zero, zero, logs[:, 0]], axis=1))
     within = r_c < 0.95
-    part = dataclasses.replace(seeker, t_s=seen.t_s[within], currents=currents[within])
-    return dataclasses.replace(flight, seeker=part)
+    part = dataclasses.replace(photodetector, t_s=seen.t_s[within], currents=currents[within])
+    return dataclasses.replace(flight, photodetector=part)
 
 
-def test_a_detector_turned_by_a_degree_is_found(terminal, usual_rad):
-    wrong = turned(terminal, TURN_B_RAD)
+def test_a_detector_turned_by_a_degree_is_found(approach, usual_rad):
+    wrong = turned(approach, TURN_B_RAD)
     estimate = Batch(estimate=("boresight",))(wrong)
     constant = named(estimate, "boresight")
     assert np.abs(constant.value - TURN_B_RAD[1:]).max() < np.radians(0.05)
-    assert rms_rad(terminal, Batch(noise="stated")(wrong)) > 1.5 * usual_rad
-    assert rms_rad(terminal, estimate) < 1.15 * usual_rad
+    assert rms_rad(approach, Batch(noise="stated")(wrong)) > 1.5 * usual_rad
+    assert rms_rad(approach, estimate) < 1.15 * usual_rad
 
 
-def test_a_misaligned_detector_is_left_out_where_its_boresight_is_not_estimated(terminal):
-    estimate = Batch()(turned(terminal, TURN_B_RAD))
-    assert nees(errors_rad(terminal, estimate), estimate.attitude_covariance_rad2) < 4.5
+def test_a_misaligned_detector_is_left_out_where_its_boresight_is_not_estimated(approach):
+    estimate = Batch()(turned(approach, TURN_B_RAD))
+    assert nees(errors_rad(approach, estimate), estimate.attitude_covariance_rad2) < 4.5
     assert any(re.match("line of sight, .*: left out", note) for note in estimate.notes)
 
 
-def test_constants_that_nothing_tells_of_are_no_solution(terminal):
-    dark = dataclasses.replace(terminal.seeker, currents=np.zeros_like(terminal.seeker.currents))
-    blind = dataclasses.replace(flown("terminal", SPAN_S), seeker=dark)
+def test_constants_that_nothing_tells_of_are_no_solution(approach):
+    dark = dataclasses.replace(
+        approach.photodetector, currents=np.zeros_like(approach.photodetector.currents)
+    )
+    blind = dataclasses.replace(flown("approach", SPAN_S), photodetector=dark)
     with pytest.raises(NoSolutionError, match="landmark: the detector never sees the landmark"):
         Batch(estimate=("landmark",))(blind)
 

@@ -25,7 +25,7 @@ from tests.recordings import uav, uav_field
 RIGHT = Truth()
 
 
-@pytest.mark.parametrize("scenario", ["demo", "ramp", "spin", "terminal"])
+@pytest.mark.parametrize("scenario", ["demo", "ramp", "spin", "approach"])
 @pytest.mark.parametrize("method", [Smoother(resolver=RIGHT), Batch(resolver=RIGHT)])
 def test_every_motion_is_smoothed_with_a_believable_covariance(scenario, method):
     flight = flown(scenario, 30.0)
@@ -60,11 +60,11 @@ def test_an_accelerometer_off_the_origin_gives_the_origin_all_the_same():
 
 
 def test_the_line_of_sight_sharpens_the_attitude():
-    flight = within(flown("terminal", 60.0), 40.0, None)
+    flight = within(flown("approach", 60.0), 40.0, None)
     with_sight, without = (
-        Batch(resolver=RIGHT)(f) for f in (flight, dataclasses.replace(flight, seeker=None))
+        Batch(resolver=RIGHT)(f) for f in (flight, dataclasses.replace(flight, photodetector=None))
     )
-    last = with_sight.t_s > flight.seeker.t_s[0]
+    last = with_sight.t_s > flight.photodetector.t_s[0]
     sigma = [
         np.sqrt(np.einsum("nii->ni", e.attitude_covariance_rad2[last]).mean(axis=0))
         for e in (with_sight, without)

@@ -17,7 +17,7 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.closed_form import ClosedForm, weighted
 from fgnav.neural.factor import NeuralFactor
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import GnssTable, ImuTable, Place, Scenario, SeekerTable
+from fgnav_sim.scenario import GnssTable, ImuTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.true_gravity import TrueGravity
 from tests.neural import graphs
@@ -29,7 +29,7 @@ LIVELY = Motion(
     yaw=Sine(amplitude_deg=5.0),
 )
 # 30 km ahead: an error of position counts for nothing, whatever part of it the flight states.
-BEACON = SeekerTable(landmark=Place(latitude_deg=40.6, height_m=300.0), range_m=50e3)
+BEACON = PhotodetectorTable(landmark=Place(latitude_deg=40.6, height_m=300.0), range_m=50e3)
 KINDS = ("baseline", "gravity", "line of sight")
 METHODS = {"equal": ClosedForm, "weighted": weighted}
 
@@ -43,8 +43,10 @@ def flown(seed, *, scale=1.0):
         elevation_weights="uniform",
         atmosphere=scale == 1.0,
     )
-    seeker = msgspec.structs.replace(BEACON, line_of_sight_noise_rad=1e-3 * scale)
-    made = Scenario(duration_s=6.0, motion=LIVELY, gnss=gnss, imu=ImuTable(), seeker=seeker)
+    photodetector = msgspec.structs.replace(BEACON, line_of_sight_noise_rad=1e-3 * scale)
+    made = Scenario(
+        duration_s=6.0, motion=LIVELY, gnss=gnss, imu=ImuTable(), photodetector=photodetector
+    )
     return simulate(made, np.random.default_rng(seed))
 
 

@@ -60,7 +60,7 @@ FLIGHTS = {
     "an array and a gyroscope": (scenario("demo", 1.5, gyroscope=True), 41_007),
     "a baseline and a gyroscope": (scenario("drone", 4.0), 41_014),
     "a baseline and no gyroscope": (scenario("drone", 3.0, gyroscope=None), 41_015),
-    "a landmark in sight": (scenario("terminal", 1.5, range_m=9000.0), 41_008),
+    "a landmark in sight": (scenario("approach", 1.5, range_m=9000.0), 41_008),
 }
 
 

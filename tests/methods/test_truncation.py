@@ -42,7 +42,7 @@ def scenario(name, span_s, *, gyroscope=False, fixes=False, range_m=None, **gnss
     if fixes:
         found = change(found, gnss=None, fixes=FixesTable(rate_hz=10.0))
     if range_m is not None:  # the detector sees from the start
-        found = change(found, seeker=change(found.seeker, range_m=range_m))
+        found = change(found, photodetector=change(found.photodetector, range_m=range_m))
     return change(found, gnss=change(found.gnss, **gnss)) if gnss else found
 
 
@@ -55,7 +55,7 @@ def with_gap(made):
 FLIGHTS = {
     "demo": (scenario("demo", SPAN_S), ()),
     "rough": (scenario("rough", SPAN_S), ()),
-    "terminal": (scenario("terminal", SPAN_S, range_m=9000.0), ()),
+    "approach": (scenario("approach", SPAN_S, range_m=9000.0), ()),
     "spin": (scenario("spin", SPAN_S), ()),
     "surroundings": (scenario("surroundings", SPAN_S), ()),
     "gyroscope": (scenario("demo", SPAN_S, gyroscope=True), ()),
@@ -66,7 +66,7 @@ FLIGHTS = {
     "fixes and gyroscope": (scenario("six", LOOKED_AT_S, fixes=True, gyroscope=True), ()),
     "baseline": (with_gap(scenario("drone", LOOKED_AT_S)), ()),
     "baseline, no gyroscope": (with_gap(scenario("drone", SPAN_S, gyroscope=None)), ()),
-    "landmark": (scenario("terminal", SPAN_S, range_m=9000.0), ("landmark",)),
+    "landmark": (scenario("approach", SPAN_S, range_m=9000.0), ("landmark",)),
     "lever-arm": (scenario("demo", SPAN_S), ("lever-arm",)),
     "antennas": (scenario("demo", SPAN_S), ("antennas",)),
 }

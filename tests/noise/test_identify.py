@@ -30,7 +30,7 @@ def calibrated(found, kind):
     return next(one for one in found.calibrated if one.kind == kind)
 
 
-@pytest.mark.parametrize("kind", ["array", "fixes", "instruments", "raw", "seeker"])
+@pytest.mark.parametrize("kind", ["array", "fixes", "instruments", "raw", "photodetector"])
 def test_a_flight_as_stated_stays_nearly_so(kind):
     found = found_in(right_flight(kind, 95_000))
     sigmas = found.sigmas

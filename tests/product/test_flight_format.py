@@ -21,7 +21,7 @@ TABLES = {
     "`[imu]`": flight_toml.ImuTable,
     "`[[fixes]]`": flight_toml.FixesTable,
     "`[[baseline]]`": flight_toml.BaselineTable,
-    "`[seeker]`": flight_toml.SeekerTable,
+    "`[photodetector]`": flight_toml.PhotodetectorTable,
     "`[barometer]`": flight_toml.BarometerTable,
     "`[magnetometer]`": flight_toml.MagnetometerTable,
     "`[vehicle]`": flight_toml.VehicleTable,
@@ -98,5 +98,5 @@ def test_units_are_those_of_the_names():
                     assert unit == want, name
 
 
-def test_the_seekers_calibration_is_named_by_its_columns():
-    assert all(f"`{name}`" in SECTIONS["`[seeker]`"] for name in CALIBRATION)
+def test_the_photodetectors_calibration_is_named_by_its_columns():
+    assert all(f"`{name}`" in SECTIONS["`[photodetector]`"] for name in CALIBRATION)

@@ -32,9 +32,9 @@ class Fault(NamedTuple):
 
 @cache
 def right_flights(duration_s: float = DURATION_S) -> dict[str, Flight]:
-    """Return an array, one antenna with a gyroscope and instruments, and an array with a seeker."""
-    demo, surroundings, terminal = (
-        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "terminal")
+    """Return an array, an antenna with gyroscope and instruments, an array that sees a beacon."""
+    demo, surroundings, approach = (
+        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "approach")
     )
     change = msgspec.structs.replace
     scenarios = {
@@ -49,8 +49,10 @@ def right_flights(duration_s: float = DURATION_S) -> dict[str, Flight]:
             barometer=surroundings.barometer,
             magnetometer=surroundings.magnetometer,
         ),
-        "seeker": change(
-            terminal, duration_s=duration_s, seeker=change(terminal.seeker, range_m=2e4)
+        "photodetector": change(
+            approach,
+            duration_s=duration_s,
+            photodetector=change(approach.photodetector, range_m=2e4),
         ),
     }
     rng = np.random.default_rng(32_000)
@@ -66,7 +68,7 @@ def _field(flight: Flight, field_b_ut) -> Flight:
 
 
 def _currents(flight: Flight, currents) -> Flight:
-    return replace(flight, seeker=replace(flight.seeker, currents=currents))
+    return replace(flight, photodetector=replace(flight.photodetector, currents=currents))
 
 
 def _fixes(flight: Flight, **changes) -> Flight:
@@ -134,10 +136,10 @@ FAULTS = (
           lambda f: _field(f, _spiked(f.magnetometer.field_b_ut, 17, [30.0, -40.0, 20.0]))),
     Fault("barometer spikes", "single", "barom",
           lambda f: _barometer(f, _spiked(f.barometer.height_m, 23, 60.0))),
-    Fault("detector stuck", "seeker", "seeker stuck",
-          lambda f: _currents(f, _stuck(f.seeker.currents, 50))),
-    Fault("currents exchanged", "seeker", "line of sight",
-          lambda f: _currents(f, f.seeker.currents[:, [2, 1, 0, 3]])),
+    Fault("detector stuck", "photodetector", "photodetector stuck",
+          lambda f: _currents(f, _stuck(f.photodetector.currents, 50))),
+    Fault("currents exchanged", "photodetector", "line of sight",
+          lambda f: _currents(f, f.photodetector.currents[:, [2, 1, 0, 3]])),
     Fault("unit stuck", "single", "imu stuck", _unit_stuck),
     Fault("accelerometer spikes", "single", "spike of the accelerometer",
           lambda f: _imu(f, f_b_mps2=_spiked(f.imu.f_b_mps2, 97, [0.0, 0.0, 50.0]))),

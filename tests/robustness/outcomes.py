@@ -153,8 +153,8 @@ def remarks_of(printed: str) -> str:
 def counts(flight: Flight) -> dict[str, int]:
     """Return how much of everything a flight holds."""
     held = {name: len(series.t_s) for name, series in flight.records.items()}
-    if flight.seeker is not None:
-        held["calibration"] = len(flight.seeker.calibration)
+    if flight.photodetector is not None:
+        held["calibration"] = len(flight.photodetector.calibration)
     if flight.truth is not None and flight.truth.integers is not None:
         held["integers"] = len(flight.truth.integers.cycles)
     if flight.observations is not None:

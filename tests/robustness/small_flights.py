@@ -41,7 +41,7 @@ def _instruments(rng):
     """Return a flight of a receiver's own fixes, a gyroscope and whatever else is read."""
     surroundings = load_scenario(SCENARIOS / "surroundings.toml")
     scenario = _short(
-        load_scenario(SCENARIOS / "terminal.toml"),
+        load_scenario(SCENARIOS / "approach.toml"),
         antennas_b_m=ANTENNAS_B_M[:1],
         gnss=None,
         fixes=FixesTable(rate_hz=5.0),
@@ -49,8 +49,10 @@ def _instruments(rng):
         magnetometer=surroundings.magnetometer,
     )
     gyroscope = msgspec.structs.replace(surroundings.imu, rate_hz=50.0)
-    seeker = msgspec.structs.replace(scenario.seeker, range_m=2e4)
-    return simulate(msgspec.structs.replace(scenario, imu=gyroscope, seeker=seeker), rng)
+    photodetector = msgspec.structs.replace(scenario.photodetector, range_m=2e4)
+    return simulate(
+        msgspec.structs.replace(scenario, imu=gyroscope, photodetector=photodetector), rng
+    )
 
 
 def _short(scenario, **changes):

@@ -27,7 +27,7 @@ def outcome(flight):
     return lines, nees
 
 
-@pytest.mark.parametrize("name", ["array", "single", "seeker"])
+@pytest.mark.parametrize("name", ["array", "single", "photodetector"])
 def test_nothing_is_said_of_a_right_flight(name):
     lines, nees = outcome(right_flights()[name])
     assert lines == []

@@ -20,7 +20,7 @@ yaw = { kind = "sine", amplitude_deg = 20.0 }
 signals = { G = ["1C"], E = ["1C"], C = ["2I"] }
 [imu]
 [fixes]
-[seeker]
+[photodetector]
 landmark = { latitude_deg = 40.34 }
 field_of_view_deg = 13.0
 """
@@ -142,7 +142,9 @@ def test_a_flight_read_back_is_the_flight_that_was_made(scenario, tmp_path):
     assert np.allclose(back.truth.p_n_m, flight.truth.p_n_m, rtol=0, atol=1e-3)
     assert np.allclose(back.truth.R_nb, flight.truth.R_nb, rtol=0, atol=1e-7)
     assert np.allclose(back.imu.f_b_mps2, flight.imu.f_b_mps2, rtol=0, atol=1e-6)
-    assert np.allclose(back.seeker.landmark_n_m, flight.seeker.landmark_n_m, rtol=0, atol=1e-3)
+    assert np.allclose(
+        back.photodetector.landmark_n_m, flight.photodetector.landmark_n_m, rtol=0, atol=1e-3
+    )
     assert np.allclose(back.fixes[0].p_n_m, flight.fixes[0].p_n_m, rtol=0, atol=1e-3)
     for field in ("semi_major_axis_m", "mean_anomaly_rad", "node_rad", "toe_s", "af0_s"):
         assert np.allclose(

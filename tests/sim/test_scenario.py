@@ -25,7 +25,7 @@ def test_flown_scenarios_come_with_their_vehicle(name):
     assert scenario.flown.vehicle.body.mass_kg > 0
 
 
-@pytest.mark.parametrize("name", ["demo", "hour", "ramp", "spin", "terminal"])
+@pytest.mark.parametrize("name", ["demo", "hour", "ramp", "spin", "approach"])
 def test_the_scenarios_that_come_along_are_valid(name):
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     assert scenario.name == name
@@ -122,12 +122,13 @@ def test_epochs_fill_the_duration_without_its_end():
             r"imu.gyroscope_noise_radps_per_sqrt_hz: goes with the other gyroscope keys",
         ),
         (
-            "[seeker]\nlandmark = {}\nocclusions = [{ quadrant = 5 }]",
-            r"seeker.occlusions\[0\].quadrant: must be int <= 4, got 5",
+            "[photodetector]\nlandmark = {}\nocclusions = [{ quadrant = 5 }]",
+            r"photodetector.occlusions\[0\].quadrant: must be int <= 4, got 5",
         ),
         (
-            "[seeker]\nlandmark = {}\nocclusions = [{ quadrant = 1, from_s = 2, until_s = 1 }]",
-            r"seeker.occlusions\[0\].until_s: must lie after from_s, got 1",
+            "[photodetector]\nlandmark = {}\n"
+            "occlusions = [{ quadrant = 1, from_s = 2, until_s = 1 }]",
+            r"photodetector.occlusions\[0\].until_s: must lie after from_s, got 1",
         ),
         ("[gnss]\nchoose = 3", r"gnss.choose: must be int >= 4, got 3"),
         ("[gnss]\nchoose = 'some'", r"gnss.choose: must be"),
@@ -137,10 +138,10 @@ def test_epochs_fill_the_duration_without_its_end():
             "[imu]\ngyroscope_bias_radps = 1e-3",
             r"imu.gyroscope_noise_radps_per_sqrt_hz: goes with the other gyroscope keys",
         ),
-        ("[seeker]", r"seeker: 'landmark' is missing"),
+        ("[photodetector]", r"photodetector: 'landmark' is missing"),
         (
-            "[seeker]\nlandmark = {}\nfield_of_view_deg = 30",
-            r"seeker.field_of_view_deg: the spot must stay on the detector, within 13.8",
+            "[photodetector]\nlandmark = {}\nfield_of_view_deg = 30",
+            r"photodetector.field_of_view_deg: the spot must stay on the detector, within 13.8",
         ),
         ("name = ", r"must be TOML"),
     ],

@@ -15,9 +15,9 @@ from fgnav_sim.scenario import (
     FixesTable,
     GnssTable,
     ImuTable,
+    PhotodetectorTable,
     Place,
     Scenario,
-    SeekerTable,
     load_scenario,
 )
 from fgnav_sim.sensors.surroundings_tables import BarometerTable, MagnetometerTable
@@ -33,7 +33,7 @@ FULL = Scenario(
     imu=ImuTable(),
     fixes=FixesTable(antennas=("a1", "a4")),
     baseline=BaselineTable(antennas=("a5", "a4")),
-    seeker=SeekerTable(landmark=Place(latitude_deg=40.34), field_of_view_deg=13.0),
+    photodetector=PhotodetectorTable(landmark=Place(latitude_deg=40.34), field_of_view_deg=13.0),
     barometer=BarometerTable(),
     magnetometer=MagnetometerTable(),
 )
@@ -44,7 +44,7 @@ SENSORS = {
     "imu": lambda f: f.imu.f_b_mps2,
     "fixes": lambda f: np.stack([one.p_n_m for one in f.fixes]),
     "baseline": lambda f: f.baselines[0].vector_n_m,
-    "seeker": lambda f: f.seeker.currents,
+    "photodetector": lambda f: f.photodetector.currents,
     "barometer": lambda f: f.barometer.height_m,
     "magnetometer": lambda f: f.magnetometer.field_b_ut,
 }
@@ -68,7 +68,7 @@ def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
         assert same(getattr(one.observations, name), getattr(two.observations, name))
     assert same(one.imu.f_b_mps2, two.imu.f_b_mps2)
     assert same(one.fixes[0].p_n_m, two.fixes[0].p_n_m)
-    assert same(one.seeker.currents, two.seeker.currents)
+    assert same(one.photodetector.currents, two.photodetector.currents)
     assert not same(one.observations.code_m, other.observations.code_m)
     assert not same(one.imu.f_b_mps2, other.imu.f_b_mps2)
 
@@ -110,14 +110,14 @@ def test_receivers_without_observations_bring_the_antennas_they_speak_of():
 
 
 def test_a_beacon_that_is_never_seen_is_counted():
-    behind = SeekerTable(landmark=Place(latitude_deg=40.32))
-    flight = made(msgspec.structs.replace(FULL, seeker=behind))
-    assert flight.seeker is None
-    assert [loss.what for loss in flight.losses] == ["seeker"]
+    behind = PhotodetectorTable(landmark=Place(latitude_deg=40.32))
+    flight = made(msgspec.structs.replace(FULL, photodetector=behind))
+    assert flight.photodetector is None
+    assert [loss.what for loss in flight.losses] == ["photodetector"]
     assert "never within range" in flight.losses[0].reason
 
 
-@pytest.mark.parametrize("name", ["demo", "ramp", "spin", "terminal"])
+@pytest.mark.parametrize("name", ["demo", "ramp", "spin", "approach"])
 def test_double_differences_of_every_scenario_are_integers_within_the_noise(name):
     scenario = load_scenario(SCENARIOS / f"{name}.toml")
     flight = made(msgspec.structs.replace(scenario, duration_s=12.0))
@@ -142,8 +142,8 @@ def test_every_scenario_of_the_gallery_flies(name):
     gaps = flight.observations.lock_flags.any()
     assert gaps == (name == "rough")
     assert (tracked[:, 0] == 6).all() == (name == "six")
-    assert (flight.seeker is not None) == (name == "beacon")
-    assert [loss.what for loss in flight.losses] == ["seeker sample"] * (name == "beacon")
+    assert (flight.photodetector is not None) == (name == "beacon")
+    assert [loss.what for loss in flight.losses] == ["photodetector sample"] * (name == "beacon")
 
 
 @pytest.mark.parametrize("atmosphere", [True, False])

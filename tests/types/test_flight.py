@@ -4,7 +4,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.types.estimate import Estimate
-from fgnav.types.flight import Antenna, Fixes, Flight, GnssNoise, Imu, Seeker
+from fgnav.types.flight import Antenna, Fixes, Flight, GnssNoise, Imu, Photodetector
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits, PreciseOrbits
 
@@ -37,7 +37,7 @@ def fixes(**changes):
     return Fixes(**(good | changes))
 
 
-def seeker(**changes):
+def photodetector(**changes):
     good = {
         "t_s": T,
         "currents": np.ones((2, 4)),
@@ -47,7 +47,7 @@ def seeker(**changes):
         "focal_length_m": 2e-2,
         "calibration": np.array([[0.0, 0.0], [1.0, 0.5]]),
     }
-    return Seeker(**(good | changes))
+    return Photodetector(**(good | changes))
 
 
 def observations(**changes):
@@ -83,7 +83,7 @@ def test_parts_that_fit_make_a_flight():
         broadcast=BroadcastOrbits(records=np.zeros(1, EPHEMERIS_DTYPE), klobuchar=np.zeros(8)),
         imu=imu(),
         fixes=(fixes(),),
-        seeker=seeker(),
+        photodetector=photodetector(),
     )
     assert whole.antenna("a1").name == "a1"
     assert not whole.observations.tracked.any()
@@ -104,8 +104,12 @@ def test_availability_is_the_share_of_epochs_with_an_answer():
         (fixes, {"position_sigma_m": np.zeros((2, 3))}, "fixes position_sigma_m: must be positive"),
         (fixes, {"velocity_sigma_mps": -np.ones((2, 3))}, "velocity_sigma_mps: must be positive"),
         (fixes, {"v_n_mps": None}, "fixes velocity_sigma_mps: goes with velocities"),
-        (seeker, {"calibration": np.zeros((3, 2))}, "seeker calibration: needs two rows or more"),
-        (seeker, {"focal_length_m": 0.0}, "seeker focal_length_m: must be positive"),
+        (
+            photodetector,
+            {"calibration": np.zeros((3, 2))},
+            "photodetector calibration: needs two rows or more",
+        ),
+        (photodetector, {"focal_length_m": 0.0}, "photodetector focal_length_m: must be positive"),
         (observations, {"signals": ()}, "observations: 1 satellites but 0 signals"),
         (observations, {"code_m": np.zeros((2, 1, 2))}, "observations code_m: expected shape"),
         (flight, {"antennas": (antenna(), antenna())}, "antenna a1: two antennas have this name"),

@@ -39,7 +39,7 @@ def without_array(flight: Flight, gravity: GravityDirection | None = None) -> Al
     """
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         carried = carried_attitudes(flight, flight.imu)
-        if carried.valid.any() or flight.seeker is None:
+        if carried.valid.any() or flight.photodetector is None:
             return carried
     return vector_attitudes(flight, gravity)
 

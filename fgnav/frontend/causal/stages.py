@@ -68,7 +68,7 @@ def _epochs(flight: Flight, by: ByObservations | None, earlier: EarlierMotion | 
     if by is not None and len(flight.antennas) > 1:
         return of_arrays(flight, by.array, causal=True)
     imu = flight.imu
-    if imu is None or imu.w_b_radps is None or flight.seeker is not None:
+    if imu is None or imu.w_b_radps is None or flight.photodetector is not None:
         track = track_of(flight, causal=True)
         pairs, losses = measured_vectors(flight, track, causal=True)
         return of_vectors(track.t_s, with_velocity(pairs, track), losses)

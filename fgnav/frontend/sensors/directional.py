@@ -7,26 +7,31 @@ from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S, nearest, unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
-from fgnav.seeker import line_of_sight, to_landmark_b_m
-from fgnav.types.flight import Imu, Seeker
+from fgnav.photodetector import line_of_sight, to_landmark_b_m
+from fgnav.types.flight import Imu, Photodetector
 
 
 def sight(
-    seeker: Seeker | None, imu: Imu, t_s: FloatArray, p_n_m: FloatArray, *, causal: bool = False
+    photodetector: Photodetector | None,
+    imu: Imu,
+    t_s: FloatArray,
+    p_n_m: FloatArray,
+    *,
+    causal: bool = False,
 ) -> tuple[Directions | None, tuple[Loss, ...]]:
     """Return directions from the accelerometer to the landmark at keyframes.
 
     The detector's lever arm is taken off with the distance that approximate positions, (n, 3),
     give: an error of metres in kilometres moves the direction by less than the detector sees.
     """
-    if seeker is None:
+    if photodetector is None:
         return None, ()
-    seen = line_of_sight(seeker, causal=causal)
+    seen = line_of_sight(photodetector, causal=causal)
     if not len(seen.t_s):
         return None, seen.losses
     row, matched = nearest(seen.t_s, t_s)
-    distance_m = np.linalg.norm(seeker.landmark_n_m - p_n_m, axis=1)
-    to_landmark = to_landmark_b_m(seeker, seen.e_b[row], imu.position_b_m, distance_m)
+    distance_m = np.linalg.norm(photodetector.landmark_n_m - p_n_m, axis=1)
+    to_landmark = to_landmark_b_m(photodetector, seen.e_b[row], imu.position_b_m, distance_m)
     to_landmark[~matched] = np.nan
     e_b = to_landmark / np.linalg.norm(to_landmark, axis=1, keepdims=True)
     losses = (*seen.losses, *unused("line of sight", len(seen.t_s), matched))

@@ -67,7 +67,7 @@ def sense(
         Whether each keyframe may have samples up to it alone.
     """
     between, baseline_losses = baselines(flight, t_s)
-    seen, sight_losses = sight(flight.seeker, imu, t_s, p_n_m, causal=causal)
+    seen, sight_losses = sight(flight.photodetector, imu, t_s, p_n_m, causal=causal)
     down, gravity_losses = gravity(direction, t_s, causal=causal)
     high, height_losses = heights(flight, imu, t_s, p_n_m, causal=causal)
     vehicle = flight.vehicle

@@ -14,16 +14,16 @@ def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
     The rule is that of a stuck unit (``faulty_samples``). Of a detector that sees nothing all
     samples are alike, and of values that are recorded in steps beyond their noise many.
     """
-    barometer, field, seeker = flight.barometer, flight.magnetometer, flight.seeker
+    barometer, field, photodetector = flight.barometer, flight.magnetometer, flight.photodetector
     stuck: dict[str, BoolArray] = {}
     if barometer is not None:
         stuck["barometer"] = _stuck(barometer.height_m[:, None], barometer.noise_m)
     if field is not None:
         stuck["magnetometer"] = _stuck(field.field_b_ut, field.noise_ut)
-    if seeker is not None:
-        lit = np.flatnonzero(seeker.currents.min(axis=1) > 0)
-        stuck["seeker"] = np.zeros(len(seeker.t_s), dtype=np.bool_)
-        stuck["seeker"][lit] = stuck_samples(seeker.currents[lit])
+    if photodetector is not None:
+        lit = np.flatnonzero(photodetector.currents.min(axis=1) > 0)
+        stuck["photodetector"] = np.zeros(len(photodetector.t_s), dtype=np.bool_)
+        stuck["photodetector"][lit] = stuck_samples(photodetector.currents[lit])
     stuck = {name: bad for name, bad in stuck.items() if bad.any()}
     if not stuck:
         return flight, ()

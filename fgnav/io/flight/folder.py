@@ -87,7 +87,7 @@ def files_of(path: Path | str) -> tuple[Path, ...]:
     names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
     names += [table.gnss.base.observations] if table.gnss.base else []
     names += [one.samples for one in table.sampled]
-    names += [table.seeker.calibration] if table.seeker else []
+    names += [table.photodetector.calibration] if table.photodetector else []
     names += [table.truth.integers] if table.truth else []
     brought = networks.manifests(toml.parent, table.network)
     return (
@@ -168,7 +168,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     fixes = tuple(read_record("fixes", keys, at) for keys in table.fixes)
     single = {
         kind: read_record(kind, keys, at)
-        for kind in ("imu", "seeker", "barometer", "magnetometer", "truth")
+        for kind in ("imu", "photodetector", "barometer", "magnetometer", "truth")
         if (keys := getattr(table, kind)) is not None
     }
     at = replace(at, fixes=fixes)

@@ -41,9 +41,9 @@ from fgnav.io.flight.local_frame import (
     velocity_of_n,
     velocity_to_n,
 )
-from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, SeekerTable, TruthTable
+from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, PhotodetectorTable, TruthTable
 from fgnav.io.tables import read_table
-from fgnav.types.flight import Baseline, Fixes, Imu, Seeker, Truth
+from fgnav.types.flight import Baseline, Fixes, Imu, Photodetector, Truth
 from fgnav.types.surroundings import Barometer, Magnetometer
 
 # Of each table: the columns it must have, and groups that are there in full or not at all.
@@ -53,7 +53,7 @@ COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     "baseline": (("t_s",), BASELINE_GROUPS),
     "barometer": (("t_s", *HEIGHT), ()),
     "magnetometer": (("t_s", *FIELD), ()),
-    "seeker": (("t_s", *CURRENTS), ()),
+    "photodetector": (("t_s", *CURRENTS), ()),
     "truth": (
         ("t_s", *PLACE, *VELOCITY, *EULER),
         (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
@@ -90,7 +90,7 @@ def blocks_of(record: Any, origin: Origin, fixes: Sequence[Fixes]) -> list[Block
         return baseline_blocks(record, origin, fixes)
     if isinstance(record, Imu):
         blocks = [(FORCE, record.f_b_mps2), (RATE, record.w_b_radps)]
-    elif isinstance(record, Seeker):
+    elif isinstance(record, Photodetector):
         blocks = [(CURRENTS, record.currents)]
     elif isinstance(record, Barometer):
         blocks = [(HEIGHT, record.height_m[:, None])]
@@ -194,11 +194,15 @@ def _baseline(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Base
     return baseline_of(samples, keys.antennas, at.origin, at.fixes, file)
 
 
-def _seeker(samples: Samples, keys: SeekerTable, at: Surroundings, _file: Path) -> Seeker:
+def _photodetector(
+    samples: Samples, keys: PhotodetectorTable, at: Surroundings, _file: Path
+) -> Photodetector:
     table = read_table(at.folder / keys.calibration, CALIBRATION, increasing=CALIBRATION[0])
     landmark = np.array([[getattr(keys.landmark, name) for name in PLACE]])
-    values = values_of(keys, Seeker) | {"calibration": columns_to_vectors(table, CALIBRATION)}
-    return Seeker(
+    values = values_of(keys, Photodetector) | {
+        "calibration": columns_to_vectors(table, CALIBRATION)
+    }
+    return Photodetector(
         t_s=samples["t_s"],
         currents=columns_to_vectors(samples, CURRENTS),
         landmark_n_m=place_to_n(at.origin, landmark)[0],
@@ -243,7 +247,7 @@ _READERS: dict[str, Callable[..., Any]] = {
     "imu": _imu,
     "fixes": _fixes,
     "baseline": _baseline,
-    "seeker": _seeker,
+    "photodetector": _photodetector,
     "barometer": _barometer,
     "magnetometer": _magnetometer,
     "truth": _truth,

@@ -97,8 +97,8 @@ class BaselineTable(Table, frozen=True, kw_only=True):
     antennas: tuple[str, str]
 
 
-class SeekerTable(Table, frozen=True, kw_only=True):
-    """``[seeker]``."""
+class PhotodetectorTable(Table, frozen=True, kw_only=True):
+    """``[photodetector]``."""
 
     samples: str
     position_b_m: Vector
@@ -198,7 +198,7 @@ RECORDS: dict[str, type[Any]] = {
     "imu": ImuTable,
     "fixes": FixesTable,
     "baseline": BaselineTable,
-    "seeker": SeekerTable,
+    "photodetector": PhotodetectorTable,
     "barometer": BarometerTable,
     "magnetometer": MagnetometerTable,
     "truth": TruthTable,
@@ -220,7 +220,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     fixes: tuple[FixesTable, ...] = ()
     baseline: tuple[BaselineTable, ...] = ()
     imu: ImuTable | None = None
-    seeker: SeekerTable | None = None
+    photodetector: PhotodetectorTable | None = None
     barometer: BarometerTable | None = None
     magnetometer: MagnetometerTable | None = None
     vehicle: VehicleTable | None = None
@@ -230,7 +230,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
     @property
     def sampled(self) -> list[Any]:
         """Tables of records, in the order of ``Flight.records``."""
-        single = (self.seeker, self.barometer, self.magnetometer, self.truth)
+        single = (self.photodetector, self.barometer, self.magnetometer, self.truth)
         tables = (self.imu, *self.fixes, *self.baseline, *single)
         return [one for one in tables if one is not None]
 

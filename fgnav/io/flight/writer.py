@@ -19,7 +19,7 @@ from fgnav.io.flight.toml import RECORDS, SEVERAL
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
 from fgnav.io.sp3.writer import write_precise
 from fgnav.io.tables import write_table
-from fgnav.types.flight import Flight, Seeker, Truth
+from fgnav.types.flight import Flight, Photodetector, Truth
 from fgnav.types.vehicle import FinnedVehicle
 
 FILE_NAME = "flight.toml"
@@ -69,8 +69,8 @@ def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]
         counts[table.gnss.orbits[0]] = len(flight.precise.t_s)
     if len(table.gnss.navigation) == 1 and flight.broadcast is not None:
         counts[table.gnss.navigation[0]] = len(flight.broadcast.records)
-    if table.seeker is not None and flight.seeker is not None:
-        counts[table.seeker.calibration] = len(flight.seeker.calibration)
+    if table.photodetector is not None and flight.photodetector is not None:
+        counts[table.photodetector.calibration] = len(flight.photodetector.calibration)
     integers = flight.truth.integers if flight.truth is not None else None
     if table.truth is not None and table.truth.integers and integers is not None:
         counts[table.truth.integers] = len(integers.cycles)
@@ -160,7 +160,7 @@ def _records(flight: Flight, folder: Path) -> dict[str, Any]:
 
 def _more(record: object, flight: Flight, folder: Path) -> dict[str, Any]:
     """Write what a record has beside its samples; return the keys that say so."""
-    if isinstance(record, Seeker):
+    if isinstance(record, Photodetector):
         calibration = dict(zip(CALIBRATION, record.calibration.T, strict=True))
         write_table(folder / "quadrant.csv", calibration, FORMATS)
         (place,) = place_of_n(flight.origin, record.landmark_n_m[None]).tolist()

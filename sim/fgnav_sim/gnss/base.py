@@ -46,7 +46,7 @@ def stand(
         flown=None,
         antennas_b_m=((0.0, 0.0, 0.0),),
         gnss=None,
-        seeker=None,
+        photodetector=None,
     )
     undisturbed = msgspec.structs.replace(
         sensor, choose="all", antenna_noise=(), slips=None, loss_of_lock=None,

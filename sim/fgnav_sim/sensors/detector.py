@@ -6,9 +6,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray, Loss
 from fgnav.geometry.rotations import exp, transpose
-from fgnav.seeker import spot_fraction
-from fgnav.types.flight import Seeker
-from fgnav_sim.scenario import OpticsTable, Scenario, SeekerTable
+from fgnav.photodetector import spot_fraction
+from fgnav.types.flight import Photodetector
+from fgnav_sim.scenario import OpticsTable, PhotodetectorTable, Scenario
 
 
 def calibration() -> FloatArray:
@@ -22,7 +22,9 @@ def calibration() -> FloatArray:
     return np.stack([r_quad, np.round(np.tanh(0.4 * r_quad), 4)], axis=1)
 
 
-def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) -> Seeker | None:
+def watch(
+    sensor: PhotodetectorTable, scenario: Scenario, *, rng: np.random.Generator
+) -> Photodetector | None:
     """Return the currents while the beacon is within range and field of view; None if it never is.
 
     The inverse of the reconstruction that the flight format defines: the spot of direction ``u_b``
@@ -56,7 +58,7 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
         currents = _read(sensor.optics, currents + sensor.optics.noise_a * noise[seen])
     for shade in sensor.occlusions:
         currents[shade.holds(t_s[seen]), shade.quadrant - 1] = 0.0
-    return Seeker(
+    return Photodetector(
         t_s=t_s[seen],
         currents=currents,
         position_b_m=np.array(sensor.position_b_m),
@@ -67,17 +69,17 @@ def watch(sensor: SeekerTable, scenario: Scenario, *, rng: np.random.Generator) 
     )
 
 
-def saturated(sensor: SeekerTable, seeker: Seeker) -> tuple[Loss, ...]:
+def saturated(sensor: PhotodetectorTable, photodetector: Photodetector) -> tuple[Loss, ...]:
     """Return how many samples have a current that was cut."""
     limit_a = sensor.optics.saturation_a if sensor.optics else None
-    if limit_a is None or not (cut := (seeker.currents >= limit_a).any(axis=1)).any():
+    if limit_a is None or not (cut := (photodetector.currents >= limit_a).any(axis=1)).any():
         return ()
     reason = f"a current saturated at {limit_a:g} A"
-    return (Loss(what="seeker sample", reason=reason, count=int(cut.sum())),)
+    return (Loss(what="photodetector sample", reason=reason, count=int(cut.sum())),)
 
 
 def _total_a(
-    sensor: SeekerTable, optics: OpticsTable, distance_m: FloatArray, spot_m: FloatArray
+    sensor: PhotodetectorTable, optics: OpticsTable, distance_m: FloatArray, spot_m: FloatArray
 ) -> FloatArray:
     """Return the sum of the currents that the beacon's irradiance makes, (k,)."""
     irradiance = optics.beacon_w_per_sr / distance_m**2
@@ -121,7 +123,7 @@ def _currents(spot: FloatArray) -> FloatArray:
     return np.asarray(raw / raw.sum(axis=1, keepdims=True))
 
 
-def _current_noise(sensor: SeekerTable) -> float:
+def _current_noise(sensor: PhotodetectorTable) -> float:
     """Return the standard deviation of a current whose effect at the centre is the one asked for.
 
     There each current is 1/4, so ``ln I4/I2`` has sigma ``4 sqrt(2)`` times that of a current, and

@@ -60,23 +60,23 @@ def test_gravity_that_is_sure_about_an_axis_is_refused_by_its_name(least):
 def test_without_an_instrument_there_is_no_direction():
     assert directional.gravity(None, T_S) == (None, ())
     flight = flown("demo", 5.0)
-    assert directional.sight(flight.seeker, flight.imu, T_S, np.zeros((6, 3))) == (None, ())
+    assert directional.sight(flight.photodetector, flight.imu, T_S, np.zeros((6, 3))) == (None, ())
 
 
 def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
     """In a second of a flight that sees it: a degree's thousandth is the detector's noise."""
-    flight = flown("terminal", 60.0)
-    seen_s = flight.seeker.t_s
+    flight = flown("approach", 60.0)
+    seen_s = flight.photodetector.t_s
     t_s = np.arange(0.0, 60.05, 0.1)
     truth = flight.truth
     p_n_m = interpolate(t_s, truth.t_s, truth.p_n_m)
-    at_keyframes, losses = directional.sight(flight.seeker, flight.imu, t_s, p_n_m)
+    at_keyframes, losses = directional.sight(flight.photodetector, flight.imu, t_s, p_n_m)
     rows = at_keyframes.row
     assert len(rows) > 20
     assert t_s[rows].min() > seen_s[0] - 0.2
     R_nb, _ = attitude_at(truth, t_s[rows])
     at_n_m = p_n_m[rows] + R_nb @ flight.imu.position_b_m
-    to_b_m = np.einsum("nji,nj->ni", R_nb, flight.seeker.landmark_n_m - at_n_m)
+    to_b_m = np.einsum("nji,nj->ni", R_nb, flight.photodetector.landmark_n_m - at_n_m)
     u_b = to_b_m / np.linalg.norm(to_b_m, axis=1, keepdims=True)
     whitened = np.einsum("nij,nj->ni", at_keyframes.across_b[rows], u_b)
     degrees = whitened.size

@@ -26,7 +26,7 @@ def test_right_instruments_are_as_they_were(flights):
     [
         ("single", "magnetometer", "field_b_ut"),
         ("single", "barometer", "height_m"),
-        ("seeker", "seeker", "currents"),
+        ("photodetector", "photodetector", "currents"),
     ],
 )
 @pytest.mark.parametrize("rows", [slice(50, 130), slice(0, None)])
@@ -52,8 +52,8 @@ def test_a_height_recorded_in_steps_beyond_its_noise_may_stand(flights):
 
 
 def test_a_detector_that_sees_nothing_is_not_stuck(flights):
-    flight = flights["seeker"]
-    currents = flight.seeker.currents.copy()
+    flight = flights["photodetector"]
+    currents = flight.photodetector.currents.copy()
     currents[40:] = 0.0
-    dark = replace(flight, seeker=replace(flight.seeker, currents=currents))
+    dark = replace(flight, photodetector=replace(flight.photodetector, currents=currents))
     assert without_stuck(dark)[1] == ()

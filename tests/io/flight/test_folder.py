@@ -94,7 +94,9 @@ def test_settings_come_back(saved):
     assert got.origin.latitude_rad == pytest.approx(want.origin.latitude_rad, abs=1e-15)
     np.testing.assert_array_equal(got.base.position_e_m, want.base.position_e_m)
     scalars = ("detector_radius_m", "focal_length_m")
-    assert all(getattr(got.seeker, name) == getattr(want.seeker, name) for name in scalars)
+    assert all(
+        getattr(got.photodetector, name) == getattr(want.photodetector, name) for name in scalars
+    )
     assert got.imu.gyroscope_bias_walk_radps_per_sqrt_s == 1e-5
     for part, names in {
         "barometer": ("noise_m", "offset_m", "wander_m", "wander_time_s"),

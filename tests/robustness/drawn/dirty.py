@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.types.flight import Flight
 from tests.robustness.drawn.draws import Change
 from tests.robustness.drawn.gnss import ARRAY, FIXES, OBSERVATIONS
-from tests.robustness.drawn.instruments import BAROMETER, MAGNETOMETER, SEEKER
+from tests.robustness.drawn.instruments import BAROMETER, MAGNETOMETER, PHOTODETECTOR
 from tests.robustness.drawn.series import gravity_free, of_times, of_triad, samples_lost
 
 FAULTS: dict[str, tuple[Change, ...]] = {
@@ -21,7 +21,7 @@ FAULTS: dict[str, tuple[Change, ...]] = {
     "magnetometer": (
         *of_triad("magnetometer", "field_b_ut"), *of_times("magnetometer"), *MAGNETOMETER,
     ),
-    "seeker": (*SEEKER, *of_times("seeker")),
+    "photodetector": (*PHOTODETECTOR, *of_times("photodetector")),
 }  # fmt: skip
 
 

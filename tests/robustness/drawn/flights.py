@@ -14,14 +14,14 @@ from tests.robustness.drawn.draws import DURATION_S
 SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "scenarios"
 RATE_HZ = 50.0
 ANTENNAS_B_M = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.1), (0.3, -0.8, 0.0))
-KINDS = ("array", "fixes", "instruments", "raw", "seeker")
+KINDS = ("array", "fixes", "instruments", "raw", "photodetector")
 
 
 def right_flight(kind: str, seed: int) -> Flight:
     """Return a flight of a kind of ``KINDS``, its path, its swings and all its noise drawn."""
     rng = np.random.default_rng([92, seed])
-    demo, surroundings, terminal = (
-        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "terminal")
+    demo, surroundings, approach = (
+        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "approach")
     )
     change = msgspec.structs.replace
     swing = {"amplitude_deg": rng.uniform(8.0, 25.0)}
@@ -46,9 +46,9 @@ def right_flight(kind: str, seed: int) -> Flight:
             barometer=surroundings.barometer, magnetometer=surroundings.magnetometer,
         ),
         "raw": change(base, antennas_b_m=one, gnss=gnss, imu=both),
-        "seeker": change(
-            terminal, duration_s=DURATION_S, antennas_b_m=ANTENNAS_B_M, gnss=gnss,
-            imu=accelerometer, seeker=change(terminal.seeker, range_m=2e4),
+        "photodetector": change(
+            approach, duration_s=DURATION_S, antennas_b_m=ANTENNAS_B_M, gnss=gnss,
+            imu=accelerometer, photodetector=change(approach.photodetector, range_m=2e4),
         ),
     }[kind]  # fmt: skip
     return simulate(scenario, rng)

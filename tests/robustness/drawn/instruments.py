@@ -57,36 +57,36 @@ def _field_of_elsewhere(flight, rng):
 
 
 def _currents(flight, text, currents):
-    seeker = replace(flight.seeker, currents=currents)
-    return replace(flight, seeker=seeker), f"detector: {text}"
+    photodetector = replace(flight.photodetector, currents=currents)
+    return replace(flight, photodetector=photodetector), f"detector: {text}"
 
 
 def _currents_exchanged(flight, rng):
     order = rng.permutation(4)
-    inside, when = span(flight.seeker.t_s, rng)
-    out = flight.seeker.currents.copy()
+    inside, when = span(flight.photodetector.t_s, rng)
+    out = flight.photodetector.currents.copy()
     out[inside] = out[inside][:, order]
     return _currents(flight, f"quadrants {order.tolist()} {when}", out)
 
 
 def _quadrant_scaled(flight, rng):
     k, by = int(rng.integers(4)), choice(rng, (0.0, 0.5, 0.8, 1.25, 2.0))
-    inside, when = span(flight.seeker.t_s, rng)
-    out = flight.seeker.currents.copy()
+    inside, when = span(flight.photodetector.t_s, rng)
+    out = flight.photodetector.currents.copy()
     out[inside, k] *= by
     return _currents(flight, f"quadrant {k + 1} x {by:g} {when}", out)
 
 
 def _currents_stuck(flight, rng):
-    inside, when = span(flight.seeker.t_s, rng)
-    out = flight.seeker.currents.copy()
+    inside, when = span(flight.photodetector.t_s, rng)
+    out = flight.photodetector.currents.copy()
     out[inside] = out[np.argmax(inside)]
     return _currents(flight, f"stuck {when}", out)
 
 
 def _currents_loud(flight, rng):
-    size, currents = 10 ** rng.uniform(-3.0, -0.5), flight.seeker.currents
-    inside, when = span(flight.seeker.t_s, rng)
+    size, currents = 10 ** rng.uniform(-3.0, -0.5), flight.photodetector.currents
+    inside, when = span(flight.photodetector.t_s, rng)
     noise = size * currents.sum(axis=1, keepdims=True) * rng.normal(size=currents.shape)
     out = np.abs(currents + inside[:, None] * noise)
     return _currents(flight, f"noise {size:.2g} of their sum {when}", out)
@@ -94,34 +94,36 @@ def _currents_loud(flight, rng):
 
 def _sunlit(flight, rng):
     """Add even light to all quadrants."""
-    size = 10 ** rng.uniform(-1.5, 1.0) * flight.seeker.currents.sum(axis=1).mean()
-    inside, when = span(flight.seeker.t_s, rng)
-    out = flight.seeker.currents + inside[:, None] * size
+    size = 10 ** rng.uniform(-1.5, 1.0) * flight.photodetector.currents.sum(axis=1).mean()
+    inside, when = span(flight.photodetector.t_s, rng)
+    out = flight.photodetector.currents + inside[:, None] * size
     return _currents(flight, f"even light of {size:.2g} {when}", out)
 
 
 def _landmark_moved(flight, rng):
     size_m = 10 ** rng.uniform(0.7, 2.5)
     axis = rng.normal(size=3)
-    place = flight.seeker.landmark_n_m + size_m * axis / np.linalg.norm(axis)
-    seeker = replace(flight.seeker, landmark_n_m=place)
-    return replace(flight, seeker=seeker), f"landmark: off by {size_m:.0f} m"
+    place = flight.photodetector.landmark_n_m + size_m * axis / np.linalg.norm(axis)
+    photodetector = replace(flight.photodetector, landmark_n_m=place)
+    return replace(flight, photodetector=photodetector), f"landmark: off by {size_m:.0f} m"
 
 
 def _detector_other(flight, rng):
     ahead_m = np.array([10 ** rng.uniform(-1.0, 1.0), 0.0, 0.0])
-    f = flight.seeker.focal_length_m * (1 + sign(rng) * rng.uniform(0.05, 0.5))
-    seeker = replace(
-        flight.seeker, focal_length_m=f, position_b_m=flight.seeker.position_b_m + ahead_m
+    f = flight.photodetector.focal_length_m * (1 + sign(rng) * rng.uniform(0.05, 0.5))
+    photodetector = replace(
+        flight.photodetector,
+        focal_length_m=f,
+        position_b_m=flight.photodetector.position_b_m + ahead_m,
     )
-    return replace(flight, seeker=seeker), f"detector: focal length {f:.2g} m"
+    return replace(flight, photodetector=photodetector), f"detector: focal length {f:.2g} m"
 
 
 BAROMETER: tuple[Change, ...] = (
     _heights_scaled, _heights_jump, _heights_drift, _heights_stuck, _heights_outlying,
 )  # fmt: skip
 MAGNETOMETER: tuple[Change, ...] = (_field_of_elsewhere,)
-SEEKER: tuple[Change, ...] = (
+PHOTODETECTOR: tuple[Change, ...] = (
     _currents_exchanged, _quadrant_scaled, _currents_stuck, _currents_loud, _sunlit,
     _landmark_moved, _detector_other,
 )  # fmt: skip

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fgnav.seeker import line_of_sight, spot_fraction
+from fgnav.photodetector import line_of_sight, spot_fraction
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import OcclusionTable, OpticsTable, Place, Scenario, SeekerTable
+from fgnav_sim.scenario import OcclusionTable, OpticsTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.sensors.detector import calibration, saturated, share_within, watch
 from fgnav_sim.simulate import simulate
 
@@ -32,7 +32,7 @@ def true_direction_b(sensor, scenario, t_s):
 
 
 def test_the_reconstruction_returns_the_true_line_of_sight():
-    sensor = SeekerTable(landmark=BEACON, range_m=1e4, line_of_sight_noise_rad=1e-12)
+    sensor = PhotodetectorTable(landmark=BEACON, range_m=1e4, line_of_sight_noise_rad=1e-12)
     seen = line_of_sight(watch(sensor, TOWARD, rng=np.random.default_rng(1)))
     assert len(seen.t_s) == 200
     assert not seen.losses
@@ -43,7 +43,7 @@ def test_the_reconstruction_returns_the_true_line_of_sight():
 def test_noise_of_the_line_of_sight_has_the_size_asked_for():
     steady = Scenario(duration_s=100.0, motion=Motion(path=Straight(speed_mps=0.0)))
     beacon = Place(latitude_deg=40.34, longitude_deg=-3.88, height_m=700.0)
-    sensor = SeekerTable(landmark=beacon, rate_hz=50.0, line_of_sight_noise_rad=1e-3)
+    sensor = PhotodetectorTable(landmark=beacon, rate_hz=50.0, line_of_sight_noise_rad=1e-3)
     seen = line_of_sight(watch(sensor, steady, rng=np.random.default_rng(1)))
     error = seen.e_b - true_direction_b(sensor, steady, seen.t_s)
     assert np.std(error[:, 1:], axis=0) == pytest.approx([1e-3, 1e-3], rel=0.05)
@@ -51,7 +51,7 @@ def test_noise_of_the_line_of_sight_has_the_size_asked_for():
 
 
 def test_a_misaligned_detector_sees_the_beacon_turned_by_one_rotation():
-    sensor = SeekerTable(landmark=BEACON, range_m=1e4, line_of_sight_noise_rad=1e-12)
+    sensor = PhotodetectorTable(landmark=BEACON, range_m=1e4, line_of_sight_noise_rad=1e-12)
     turned = msgspec.structs.replace(sensor, misalignment_rad=2e-3)
     turns = []
     for seed in range(200):
@@ -65,19 +65,19 @@ def test_a_misaligned_detector_sees_the_beacon_turned_by_one_rotation():
 
 
 def test_the_beacon_is_seen_within_range_and_field_of_view_only():
-    sensor = SeekerTable(landmark=BEACON, range_m=2500.0, field_of_view_deg=4.0)
-    seeker = watch(sensor, TOWARD, rng=np.random.default_rng(1))
+    sensor = PhotodetectorTable(landmark=BEACON, range_m=2500.0, field_of_view_deg=4.0)
+    photodetector = watch(sensor, TOWARD, rng=np.random.default_rng(1))
     t_s = TOWARD.epochs_s(sensor.rate_hz)
     state = TOWARD.motion(t_s)
     place_n_m = state.p_n_m + state.R_nb @ np.array(sensor.position_b_m)
-    near = np.linalg.norm(seeker.landmark_n_m - place_n_m, axis=1) <= 2500.0
+    near = np.linalg.norm(photodetector.landmark_n_m - place_n_m, axis=1) <= 2500.0
     ahead = true_direction_b(sensor, TOWARD, t_s)[:, 0] >= np.cos(np.radians(4.0))
-    assert 0 < len(seeker.t_s) < len(t_s)
-    assert np.array_equal(seeker.t_s, t_s[near & ahead])
+    assert 0 < len(photodetector.t_s) < len(t_s)
+    assert np.array_equal(photodetector.t_s, t_s[near & ahead])
 
 
 def test_a_beacon_behind_is_never_seen():
-    away = SeekerTable(landmark=Place(latitude_deg=40.32), range_m=1e5)
+    away = PhotodetectorTable(landmark=Place(latitude_deg=40.32), range_m=1e5)
     assert watch(away, TOWARD, rng=np.random.default_rng(1)) is None
 
 
@@ -95,7 +95,7 @@ DARK = OpticsTable(noise_a=1e-20, threshold_sigmas=0.0)
 def ahead(distance_deg, **settings):
     """Return a detector that looks at a beacon so many degrees of latitude north."""
     beacon = Place(latitude_deg=40.33 + distance_deg, longitude_deg=-3.88, height_m=700.0)
-    return SeekerTable(landmark=beacon, range_m=1e5, rate_hz=50.0, **settings)
+    return PhotodetectorTable(landmark=beacon, range_m=1e5, rate_hz=50.0, **settings)
 
 
 def test_currents_are_what_the_irradiance_makes_of_them():
@@ -115,21 +115,21 @@ def test_with_optics_the_direction_is_as_good_as_the_light_is_strong():
     slope = spot_fraction(calibration(), np.array([1e-3]))[0] / 1e-3
     for distance_deg in (0.01, 0.03):
         sensor = ahead(distance_deg, optics=optics)
-        seeker = watch(sensor, STILL, rng=np.random.default_rng(1))
-        seen = line_of_sight(seeker)
+        photodetector = watch(sensor, STILL, rng=np.random.default_rng(1))
+        seen = line_of_sight(photodetector)
         assert not seen.losses
         error = seen.e_b - true_direction_b(sensor, STILL, seen.t_s)
-        quarter_a = seeker.currents.mean()
+        quarter_a = photodetector.currents.mean()
         per_logarithm = slope * sensor.detector_radius_m / sensor.focal_length_m
         expected = per_logarithm * np.sqrt(2) * optics.noise_a / quarter_a
         assert np.std(error[:, 1:]) == pytest.approx(expected, rel=0.06)
 
 
 def test_a_beacon_too_faint_reads_zero_and_is_a_gap():
-    seeker = watch(ahead(0.3, optics=OpticsTable()), STILL, rng=np.random.default_rng(1))
-    assert (seeker.currents.min(axis=1) == 0).mean() > 0.9
-    losses = {loss.reason: loss.count for loss in line_of_sight(seeker).losses}
-    zero = (seeker.currents.min(axis=1) == 0).sum()
+    photodetector = watch(ahead(0.3, optics=OpticsTable()), STILL, rng=np.random.default_rng(1))
+    assert (photodetector.currents.min(axis=1) == 0).mean() > 0.9
+    losses = {loss.reason: loss.count for loss in line_of_sight(photodetector).losses}
+    zero = (photodetector.currents.min(axis=1) == 0).sum()
     assert losses["a current is zero or below"] == zero
 
 
@@ -141,10 +141,10 @@ def test_near_the_rim_a_large_spot_loses_light_but_not_direction():
     # 9 degrees off: the cosine alone, and 3.2 mm of a 5 mm radius with a spot of 3 mm.
     for spot_m, least in ((1e-4, 0.988), (3e-3, 0.81)):
         sensor = ahead(0.02, optics=OpticsTable(spot_radius_m=spot_m, **dark))
-        seeker = watch(sensor, swing, rng=np.random.default_rng(1))
-        total = seeker.currents.sum(axis=1)
+        photodetector = watch(sensor, swing, rng=np.random.default_rng(1))
+        total = photodetector.currents.sum(axis=1)
         assert total.min() / total.max() == pytest.approx(least, abs=0.01)
-        seen = line_of_sight(seeker)
+        seen = line_of_sight(photodetector)
         error = seen.e_b - true_direction_b(sensor, swing, seen.t_s)
         assert np.abs(error).max() < 1e-9
 
@@ -163,16 +163,20 @@ def test_currents_saturate_near_the_beacon_and_are_counted():
     optics = OpticsTable(noise_a=1e-12, saturation_a=1e-7)
     sensor = ahead(0.03, optics=optics)
     flight = simulate(
-        Scenario(duration_s=30.0, motion=Motion(path=Straight(speed_mps=100.0)), seeker=sensor),
+        Scenario(
+            duration_s=30.0, motion=Motion(path=Straight(speed_mps=100.0)), photodetector=sensor
+        ),
         np.random.default_rng(1),
     )
-    assert flight.seeker.currents.max() == 1e-7
-    cut = (flight.seeker.currents == 1e-7).any(axis=1)
+    assert flight.photodetector.currents.max() == 1e-7
+    cut = (flight.photodetector.currents == 1e-7).any(axis=1)
     assert 0 < cut.sum() < len(cut)
     assert (np.diff(cut.astype(int)) >= 0).mean() > 0.99  # far first, near last
-    assert [(loss.what, loss.count) for loss in flight.losses] == [("seeker sample", cut.sum())]
+    assert [(loss.what, loss.count) for loss in flight.losses] == [
+        ("photodetector sample", cut.sum())
+    ]
     assert flight.losses[0].reason == "a current saturated at 1e-07 A"
-    assert saturated(ahead(0.03), flight.seeker) == ()
+    assert saturated(ahead(0.03), flight.photodetector) == ()
 
 
 @pytest.mark.parametrize("optics", [None, OpticsTable()])
@@ -180,12 +184,12 @@ def test_a_quadrant_in_the_dark_is_a_gap(optics):
     shade = OcclusionTable(quadrant=3, from_s=20.0, until_s=60.0)
     clear = watch(ahead(0.02, optics=optics), STILL, rng=np.random.default_rng(1))
     sensor = ahead(0.02, optics=optics, occlusions=(shade,))
-    seeker = watch(sensor, STILL, rng=np.random.default_rng(1))
-    dark = (seeker.t_s >= 20.0) & (seeker.t_s < 60.0)
-    assert (seeker.currents[dark, 2] == 0).all()
-    assert np.array_equal(seeker.currents[~dark], clear.currents[~dark])
-    seen = line_of_sight(seeker)
-    assert np.array_equal(seen.t_s, seeker.t_s[~dark])
+    photodetector = watch(sensor, STILL, rng=np.random.default_rng(1))
+    dark = (photodetector.t_s >= 20.0) & (photodetector.t_s < 60.0)
+    assert (photodetector.currents[dark, 2] == 0).all()
+    assert np.array_equal(photodetector.currents[~dark], clear.currents[~dark])
+    seen = line_of_sight(photodetector)
+    assert np.array_equal(seen.t_s, photodetector.t_s[~dark])
     assert [(loss.reason, loss.count) for loss in seen.losses] == [
         ("a current is zero or below", 2000)
     ]

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.seeker import LineOfSight, line_of_sight, spot_fraction, to_landmark_b_m
-from fgnav.types.flight import Seeker
+from fgnav.photodetector import LineOfSight, line_of_sight, spot_fraction, to_landmark_b_m
+from fgnav.types.flight import Photodetector
 
 FOCAL_M, RADIUS_M = 0.02, 0.005
 
@@ -14,9 +14,9 @@ def calibration():
     return np.column_stack([2 * np.arctanh(r_c), r_c])
 
 
-def seeker(currents, curve=None, position_b_m=(0.0, 0.0, 0.0)):
+def photodetector(currents, curve=None, position_b_m=(0.0, 0.0, 0.0)):
     currents = np.asarray(currents, dtype=float)
-    return Seeker(
+    return Photodetector(
         t_s=np.arange(len(currents), dtype=float),
         currents=currents,
         position_b_m=np.array(position_b_m),
@@ -39,22 +39,22 @@ def test_a_current_cut_at_its_limit_is_a_counted_gap():
     x_m = np.linspace(-0.2, 0.6, 9)[:, None] * RADIUS_M
     currents = currents_of(np.hstack([x_m, 0.1 * RADIUS_M + 0 * x_m]))
     limit = currents[6, 3]  # the last three reach it
-    sight = line_of_sight(seeker(np.minimum(currents, limit)))
+    sight = line_of_sight(photodetector(np.minimum(currents, limit)))
     np.testing.assert_array_equal(sight.t_s, np.arange(6))
     assert [(loss.reason, loss.count) for loss in sight.losses] == [
         ("a current stands at its limit", 3)
     ]
-    whole = line_of_sight(seeker(currents))
+    whole = line_of_sight(photodetector(currents))
     np.testing.assert_array_equal(whole.e_b[:6], sight.e_b)
     assert whole.losses == ()
 
 
 def test_a_record_that_does_not_change_is_not_cut():
-    assert line_of_sight(seeker([[1.0, 2.0, 1.5, 1.2]] * 5)).losses == ()
+    assert line_of_sight(photodetector([[1.0, 2.0, 1.5, 1.2]] * 5)).losses == ()
 
 
 def test_equal_currents_look_along_the_boresight():
-    sight = line_of_sight(seeker([[1, 1, 1, 1], [7, 7, 7, 7]]))
+    sight = line_of_sight(photodetector([[1, 1, 1, 1], [7, 7, 7, 7]]))
     np.testing.assert_array_equal(sight.e_b, [[1, 0, 0], [1, 0, 0]])
     assert sight.losses == ()
 
@@ -66,7 +66,7 @@ def test_each_quadrant_looks_its_own_way(bright, towards):
     currents = np.ones((1, 4))
     currents[0, bright] = 1.5
     axis, sign = towards
-    e_b = line_of_sight(seeker(currents)).e_b[0]
+    e_b = line_of_sight(photodetector(currents)).e_b[0]
     assert e_b[axis] * sign > 0.01
     np.testing.assert_allclose(e_b[3 - axis], 0, atol=1e-15)
 
@@ -75,7 +75,7 @@ def test_direction_comes_back_from_its_currents():
     rng = np.random.default_rng(5)
     angle, r_m = rng.uniform(0, 2 * np.pi, 200), rng.uniform(0.01, 0.85, 200) * RADIUS_M
     spot_m = np.column_stack([r_m * np.cos(angle), r_m * np.sin(angle)])
-    sight = line_of_sight(seeker(3.0 * currents_of(spot_m)))
+    sight = line_of_sight(photodetector(3.0 * currents_of(spot_m)))
     ray_b = np.column_stack([np.full(200, FOCAL_M), spot_m])
     expected = ray_b / np.linalg.norm(ray_b, axis=1, keepdims=True)
     # The spline of 19 points follows the curve to 1e-3 of the radius at its rim.
@@ -84,13 +84,13 @@ def test_direction_comes_back_from_its_currents():
 
 def test_brightness_does_not_move_the_line_of_sight():
     currents = np.array([[1.0, 2.0, 1.5, 1.2]])
-    dim, bright = (line_of_sight(seeker(scale * currents)).e_b for scale in (1e-9, 1e6))
+    dim, bright = (line_of_sight(photodetector(scale * currents)).e_b for scale in (1e-9, 1e6))
     np.testing.assert_allclose(dim, bright, rtol=0, atol=1e-12)
 
 
 def test_dark_quadrants_and_spots_off_the_detector_are_counted_gaps():
     currents = [[1, 1, 1, 1], [0, 1, 1, 1], [1, -1, 1, 1], [1e9, 1, 1, 1], [2, 1, 1, 1]]
-    sight = line_of_sight(seeker(currents))
+    sight = line_of_sight(photodetector(currents))
     np.testing.assert_array_equal(sight.t_s, [0, 4])
     assert {loss.reason: loss.count for loss in sight.losses} == {
         "a current is zero or below": 2,
@@ -100,7 +100,7 @@ def test_dark_quadrants_and_spots_off_the_detector_are_counted_gaps():
 
 def test_calibration_past_the_rim_makes_a_gap():
     past_rim = np.array([[0.0, 0.0], [1.0, 0.6], [2.0, 1.2]])
-    sight = line_of_sight(seeker([[np.exp(1.9), 1, 1, 1]], curve=past_rim))
+    sight = line_of_sight(photodetector([[np.exp(1.9), 1, 1, 1]], curve=past_rim))
     assert len(sight.t_s) == 0
     assert sight.losses[0].count == 1
 
@@ -113,7 +113,7 @@ def test_calibration_that_starts_off_the_centre_is_led_to_it():
 
 
 def test_covariance_lies_across_the_line_of_sight():
-    sight = line_of_sight(seeker([[1.3, 1, 1, 1.2]]), sigma_rad=2e-3)
+    sight = line_of_sight(photodetector([[1.3, 1, 1, 1.2]]), sigma_rad=2e-3)
     np.testing.assert_allclose(sight.covariance[0] @ sight.e_b[0], 0, atol=1e-18)
     assert np.trace(sight.covariance[0]) == pytest.approx(2 * 2e-3**2)
 
@@ -125,13 +125,13 @@ def test_lever_arms_need_no_attitude_to_reach_the_landmark():
     ray_b = landmark_b_m - mounted_b_m
     e_b = ray_b / np.linalg.norm(ray_b, axis=1, keepdims=True)
     distance_m = np.linalg.norm(landmark_b_m - antenna_b_m, axis=1)
-    mounted = seeker([[1, 1, 1, 1]], position_b_m=mounted_b_m)
+    mounted = photodetector([[1, 1, 1, 1]], position_b_m=mounted_b_m)
     answer_m = to_landmark_b_m(mounted, e_b, antenna_b_m, distance_m)
     np.testing.assert_allclose(answer_m, landmark_b_m - antenna_b_m, rtol=0, atol=1e-9)
 
 
 def test_a_distance_shorter_than_the_lever_arm_has_no_direction():
-    mounted = seeker([[1, 1, 1, 1]], position_b_m=(0.0, 1.0, 0.0))
+    mounted = photodetector([[1, 1, 1, 1]], position_b_m=(0.0, 1.0, 0.0))
     answer_m = to_landmark_b_m(mounted, np.array([[1.0, 0, 0]]), np.zeros(3), np.array([0.5]))
     assert np.isnan(answer_m).all()
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss, freeze, positive
-from fgnav.types.flight import Seeker
+from fgnav.types.flight import Photodetector
 
 _REPEATED = 3  # samples with the very same largest current: no noise does that
 
@@ -44,7 +44,7 @@ class LineOfSight:
 
 
 def line_of_sight(
-    seeker: Seeker, sigma_rad: float | None = None, *, causal: bool = False
+    photodetector: Photodetector, sigma_rad: float | None = None, *, causal: bool = False
 ) -> LineOfSight:
     """Reconstruct the line of sight from photocurrents (Eqs. 34-36) [1]_.
 
@@ -65,17 +65,17 @@ def line_of_sight(
     .. [1] Neural Networks for Estimating Attitude, Line of Sight, and GNSS Ambiguity Through
        Onboard Sensor Fusion, Sensors, 2025, Eqs. 34-36 and Table 3.
     """
-    lit, cut = seeker.currents.min(axis=1) > 0, _cut(seeker.currents, causal=causal)
-    logarithm = np.log(np.where(lit[:, None], seeker.currents, 1.0))
+    lit, cut = photodetector.currents.min(axis=1) > 0, _cut(photodetector.currents, causal=causal)
+    logarithm = np.log(np.where(lit[:, None], photodetector.currents, 1.0))
     quadrants = np.stack(
         [logarithm[:, 3] - logarithm[:, 1], logarithm[:, 0] - logarithm[:, 2]], axis=1
     )
     r_quad = np.hypot(quadrants[:, 0], quadrants[:, 1])
-    calibrated = r_quad <= seeker.calibration[-1, 0]
-    r_c = spot_fraction(seeker.calibration, np.where(calibrated, r_quad, 0.0))
+    calibrated = r_quad <= photodetector.calibration[-1, 0]
+    r_c = spot_fraction(photodetector.calibration, np.where(calibrated, r_quad, 0.0))
     on_detector = calibrated & (r_c <= 1.0)
-    scale = seeker.detector_radius_m * r_c / np.where(r_quad > 0, r_quad, 1.0)
-    boresight = np.full(len(r_quad), seeker.focal_length_m)
+    scale = photodetector.detector_radius_m * r_c / np.where(r_quad > 0, r_quad, 1.0)
+    boresight = np.full(len(r_quad), photodetector.focal_length_m)
     ray_b = np.column_stack([boresight, scale[:, None] * quadrants])
     seen = lit & ~cut & on_detector
     e_b = ray_b[seen] / np.linalg.norm(ray_b[seen], axis=1, keepdims=True)
@@ -85,12 +85,12 @@ def line_of_sight(
         "spot off the detector or beyond its calibration": lit & ~cut & ~on_detector,
     }
     losses = tuple(
-        Loss(what="seeker sample", reason=reason, count=int(lost.sum()))
+        Loss(what="photodetector sample", reason=reason, count=int(lost.sum()))
         for reason, lost in reasons.items()
         if lost.any()
     )
-    sigma_rad = seeker.line_of_sight_sigma_rad if sigma_rad is None else sigma_rad
-    return LineOfSight(t_s=seeker.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
+    sigma_rad = photodetector.line_of_sight_sigma_rad if sigma_rad is None else sigma_rad
+    return LineOfSight(t_s=photodetector.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
 
 
 def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
@@ -132,7 +132,7 @@ def spot_fraction(calibration: FloatArray, r_quad: FloatArray) -> FloatArray:
 
 
 def to_landmark_b_m(
-    seeker: Seeker, e_b: FloatArray, from_b_m: FloatArray, distance_m: FloatArray
+    photodetector: Photodetector, e_b: FloatArray, from_b_m: FloatArray, distance_m: FloatArray
 ) -> FloatArray:
     """Return the vector from a body point to the landmark, (n, 3), given how far it is from there.
 
@@ -140,7 +140,7 @@ def to_landmark_b_m(
     the body point ``from_b_m``, (3,), says how far along. So the lever arm between the two needs no
     attitude. NaN where the distance is shorter than the lever arm allows.
     """
-    arm_b_m = seeker.position_b_m - from_b_m
+    arm_b_m = photodetector.position_b_m - from_b_m
     along = e_b @ arm_b_m
     square = along**2 + distance_m**2 - arm_b_m @ arm_b_m
     range_m = np.sqrt(np.where(square >= 0, square, np.nan)) - along
