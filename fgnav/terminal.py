@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING
 from fgnav.progress import watched_by, watcher
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
 
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
+# Of `fgnav demo` where nothing is compiled yet, on a core that others share.
+_KERNELS, _COMPILING_S = 24, 25
 
 
 class Steps:
@@ -49,6 +53,24 @@ def progress(steps: int) -> "Iterator[Steps]":
     if outer is not None:
         yield Steps(steps, lambda _, share: outer(share))
         return
+    with _bars() as shown:
+        task = shown.add_task("", total=1.0)
+        yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
+
+
+@contextmanager
+def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
+    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
+    with _bars() as shown:
+        task = shown.add_task(name, total=None)
+        yield lambda done, asked: shown.update(
+            task, description=f"{name}: {done} of {asked}", completed=done, total=asked
+        )
+
+
+@contextmanager
+def _bars() -> "Iterator[Progress]":
+    """Show bars on a terminal while this lasts, and one that counts kernels while they compile."""
     from rich.console import Console  # noqa: PLC0415  # lazy: keeps the command line quick
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -58,6 +80,8 @@ def progress(steps: int) -> "Iterator[Steps]":
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+
+    from fgnav.kernels.announcement import announced_to  # noqa: PLC0415
 
     console = Console(stderr=True)
     columns = (
@@ -70,28 +94,15 @@ def progress(steps: int) -> "Iterator[Steps]":
     )
     hidden = not console.is_terminal
     with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
-        task = shown.add_task("", total=1.0)
-        yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
+        kernels = shown.add_task("", total=_KERNELS, visible=False)
 
+        def compiling(name: str) -> None:
+            shown.advance(kernels)
+            text = f"Compiling once, about {_COMPILING_S} s: {name}"
+            shown.update(kernels, description=text, visible=True)
 
-@contextmanager
-def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
-    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415  # lazy, as above
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
-        task = shown.add_task(name, total=None)
-        yield lambda done, asked: shown.update(task, completed=done, total=asked)
+        with announced_to(compiling):
+            yield shown
 
 
 def width() -> int:

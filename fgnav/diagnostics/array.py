@@ -10,7 +10,7 @@ from fgnav.diagnostics.axes import named_axes, signed_permutations
 from fgnav.diagnostics.contents import SAMPLES, Finding
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import log, skew, transpose
-from fgnav.integers.resolvers.constrained import Constrained
+from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.photodetector import line_of_sight
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Fixes, Flight, Imu, Photodetector
@@ -34,7 +34,7 @@ class ArrayAttitudes:
         NoSolutionError
             If fewer than 20 epochs have attitude, position and velocity.
         """
-        integers = Constrained()(differences, flight)
+        integers = Lambda()(differences, flight)
         quadratic = RotationQuadratic.of_double_differences(differences, integers)
         _, attitude, _ = agreeing(quadratic)
         if attitude.unobservable():

@@ -278,7 +278,7 @@ def _timed(work: Callable[[], Any]) -> _Outcome:
     """Return the outcome of work, its seconds without compilation."""
     from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
 
-    compiling = TimingListener()  # type: ignore[no-untyped-call]
+    compiling = TimingListener()
     started_s = perf_counter()
     with install_listener("numba:compile", compiling):
         try:
