@@ -1,5 +1,6 @@
 """What commands show on a terminal; with ``cli`` the only one that prints."""
 
+import logging
 import os
 import shutil
 import sys
@@ -7,6 +8,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from fgnav.progress import watched_by, watcher
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
 
+_LOG = logging.getLogger("fgnav")
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
 # Of `fgnav demo` where nothing is compiled yet, on a core that others share.
 _KERNELS, _COMPILING_S = 24, 25
@@ -31,12 +34,13 @@ class Steps:
     @contextmanager
     def __call__(self, what: str) -> Iterator[None]:
         """Show one step while it lasts; work inside it may ``report`` its share."""
-        self._what = what
+        self._what, began_s = what, perf_counter()
         self.share(0.0)
         with watched_by(self.share):
             yield
         self.share(1.0)
         self._done += 1
+        _LOG.info("%s: %.1f s", what, perf_counter() - began_s)
 
     def share(self, share: float) -> None:
         """Show which share of the step at work is done."""
@@ -92,7 +96,7 @@ def _bars() -> "Iterator[Progress]":
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    hidden = not console.is_terminal
+    hidden = not console.is_terminal or not _LOG.isEnabledFor(logging.WARNING)
     with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
         kernels = shown.add_task("", total=_KERNELS, visible=False)
 
@@ -149,7 +153,13 @@ def show_names(texts: Mapping[str, str]) -> None:
         )
 
 
-def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None = None) -> None:
+def check_outputs(
+    flight: Path,
+    json: str | None = None,
+    *,
+    report: Path | None = None,
+    folder: Path | None = None,
+) -> None:
     """Raise where results could not be written, or would replace what the flight is made of.
 
     Better before minutes of work.
@@ -157,9 +167,11 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
     Parameters
     ----------
     flight : Path
-    *files : Path, str or None
-        Files to be written; a dash is standard output.
-    folder : Path or None
+    json : str, optional
+        File of figures; a dash is standard output.
+    report : Path, optional
+        File of a report.
+    folder : Path, optional
         That of an estimate.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
@@ -167,9 +179,10 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
     from fgnav.io.exports.tables import ESTIMATE, SUMMARY  # noqa: PLC0415
     from fgnav.io.flight.folder import files_of  # noqa: PLC0415
 
-    places = [Path(file) for file in files if file is not None and file != "-"]
-    for place in places:
-        check_place(place)
+    places = [] if report is None else [report]
+    if json is not None and json != "-":
+        check_place(Path(json))
+        places.append(Path(json))
     if folder is not None:
         check_folder(folder)
         places += [folder / ESTIMATE, folder / SUMMARY]
