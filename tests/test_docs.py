@@ -30,7 +30,10 @@ BLOCK = re.compile(r"^```(python|sh|toml)\n(.*?)^```$", re.MULTILINE | re.DOTALL
 DOCUMENTS = [path for path in sorted(ROOT.glob("docs/*.md")) if BLOCK.search(path.read_text())]
 
 FACE = [getattr(fgnav, name) for name in fgnav.__all__]
+RECORDS = {one for one in FACE if inspect.isclass(one) and one.__module__.startswith("fgnav.types")}
+RECORDS -= {fgnav.Flight, fgnav.Estimate}  # what holds arrays alone: fields of a Flight
 PUBLIC = [one for one in FACE if inspect.isclass(one) or inspect.isfunction(one)]
+PUBLIC = [one for one in PUBLIC if one not in RECORDS] + [fgnav.Flight.from_arrays]
 PUBLIC += [fgnav.Stream.replay, AttitudeSolution, RotationQuadratic, maximum_likelihood]
 PUBLIC += [integer_least_squares, method_named, residual_factor]
 

@@ -1,10 +1,18 @@
-"""The command ``fgnav demo``: the others, one after the other."""
+"""The commands ``fgnav demo`` and ``fgnav warm``: others, one after another."""
 
 import shlex
 import tempfile
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
+from fgnav.terminal import progress
+
 METHODS = "closed-form,rtk,smoother"
+_WARMED = "closed-form,maximum-likelihood,smoother,forward,batch,rtk"
+# Scenarios whose sensors differ: an array alone, a detector, one antenna with a magnetometer and a
+# barometer. Each is simulated, checked and estimated by these methods; nothing of it is kept.
+_FLIGHTS = {"demo": _WARMED, "approach": "smoother,batch", "surroundings": "smoother,batch"}
 
 
 def demo(folder: Path | None = None, /) -> None:
@@ -43,3 +51,29 @@ def demo(folder: Path | None = None, /) -> None:
     next_words = shlex.join(["compare", flight, "--method", "smoother", *kinds, *simple])
     print(f"\nAll of it is in {place}; report.html shows it.")
     print(f"What each kind of factor is worth, half a minute more:\n$ fgnav {next_words}")
+
+
+def warm() -> None:
+    """Compile everything once, so that no later run waits for it.
+
+    After an install or an update the first run of each command compiles what it uses, a minute in
+    all. This does it at one go, such as when an image or a machine is set up.
+
+    Example: fgnav warm
+    """
+    from fgnav.cli.program import run  # noqa: PLC0415  # lazy: the program knows this command
+
+    with (
+        tempfile.TemporaryDirectory(prefix="fgnav-warm-") as folder,
+        progress(3 * len(_FLIGHTS)) as step,
+    ):
+        for name, methods in _FLIGHTS.items():
+            flight = str(Path(folder) / name)
+            for words in (
+                ["simulate", name, "--seed", "1", "--out", flight],
+                ["check", flight],
+                ["compare", flight, "--method", methods],
+            ):
+                with step(f"compiling for {words[0]} of {name}"), redirect_stdout(StringIO()):
+                    run(words)
+    print("compiled; later runs start at once")

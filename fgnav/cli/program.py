@@ -55,7 +55,7 @@ _COMMANDS = {
         "fgnav.cli.calibration:calibration",
         "Judge a network's covariance on flights with truth.",
     ),
-    "warm": ("fgnav.cli.warm:warm", "Compile everything once, so that no later run waits for it."),
+    "warm": ("fgnav.cli.demo:warm", "Compile everything once, so that no later run waits for it."),
 }
 # Shown without importing the packages that bring these commands.
 _INSTALLED_HELP = {

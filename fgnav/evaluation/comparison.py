@@ -10,10 +10,10 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
-from fgnav.evaluation.scores import Angles, Errors, Score, baseline_figures, errors_against, score
+from fgnav.evaluation.scores import Angles, Score, baseline_figures, errors_against, score
 from fgnav.integers.arcs.reported import reported_arcs
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.estimate import Estimate, Estimator, Rejected
+from fgnav.types.estimate import Errors, Estimate, Estimator, Rejected
 from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html

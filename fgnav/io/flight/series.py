@@ -10,7 +10,6 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
-from fgnav.io.flight import usual_noise
 from fgnav.io.flight.baselines import baseline_blocks, baseline_of
 from fgnav.io.flight.columns import (
     BASELINE_GROUPS,
@@ -44,6 +43,11 @@ from fgnav.io.flight.local_frame import (
 from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, PhotodetectorTable, TruthTable
 from fgnav.io.tables import read_table
 from fgnav.types.flight import Baseline, Fixes, Imu, Photodetector, Truth
+from fgnav.types.instruments import (
+    USUAL_POSITION_SIGMA_M,
+    USUAL_VELOCITY_SIGMA_MPS,
+    imu_noise,
+)
 from fgnav.types.surroundings import Barometer, Magnetometer
 
 # Of each table: the columns it must have, and groups that are there in full or not at all.
@@ -124,7 +128,7 @@ def _imu(samples: Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> Im
         f_b_mps2=columns_to_vectors(samples, FORCE) @ R_bu.T,
         w_b_radps=columns_to_vectors(samples, RATE) @ R_bu.T if gyroscope else None,
         position_b_m=np.array(keys.position_b_m),
-        **usual_noise.imu_noise(keys, gyroscope=gyroscope),
+        **imu_noise(keys, gyroscope=gyroscope),
     )
 
 
@@ -184,8 +188,8 @@ def _fixes(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Fixes: 
         antenna=keys.antenna,
         p_n_m=p_n_m,
         v_n_mps=velocity_to_n(at.origin, p_n_m, velocity) if moves else None,
-        position_sigma_m=sigma(POSITION_SIGMA, usual_noise.POSITION_SIGMA_M),
-        velocity_sigma_mps=sigma(VELOCITY_SIGMA, usual_noise.VELOCITY_SIGMA_MPS) if moves else None,
+        position_sigma_m=sigma(POSITION_SIGMA, USUAL_POSITION_SIGMA_M),
+        velocity_sigma_mps=sigma(VELOCITY_SIGMA, USUAL_VELOCITY_SIGMA_MPS) if moves else None,
         unstated=tuple(name for name, columns in sigmas if columns[0] not in samples),
     )
 

@@ -206,8 +206,10 @@ def test_each_format_is_written_and_pictures_of_an_earlier_report_go(flown_repor
 def test_what_cannot_be_written_is_said_before_anything_is(flight, lost, tmp_path):
     with pytest.raises(BadInputError, match=r"end its name in \.html, \.png or \.pdf"):
         check_report(tmp_path / "report.docx")
-    with pytest.raises(BadInputError, match="its folder does not exist"):
-        check_report(tmp_path / "absent" / "report.html")
+    (tmp_path / "file").touch()
+    with pytest.raises(BadInputError, match="is a file, not a folder"):
+        check_report(tmp_path / "file" / "new" / "report.html")
+    check_report(tmp_path / "absent" / "report.html")  # will be made
     with pytest.raises(BadInputError, match="no method has an estimate to report"):
         save_report(compare(flight, [lost()]), flight, tmp_path / "a.html")
 
