@@ -69,7 +69,6 @@ def antenna_phase(
         blocks=live.blocks,
         first_block=live.first_block,
         arm_b_m=np.array(live.arms_b_m),
-        lever_column=constants.column("lever-arm"),
         constants=constants,
     )
     if resolved is None:

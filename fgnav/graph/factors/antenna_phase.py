@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.on_demand import OnDemand
@@ -88,8 +89,7 @@ class AntennaPhase:
     block: IntArray  # (k,): which block's A each has
     blocks: Sequence[ArcBlock]  # as the rows
     arm_b_m: FloatArray  # (k, 3): from the accelerometer to the antenna
-    lever_column: int  # first of the three constants l; -1 where the lever arm is known
-    constants: Constants
+    constants: Constants  # of the problem, l among them where the lever arm is estimated
     first_block: int = 0  # number of the first of the blocks: of phases that go on
     # Blocks as they were before a keyframe, in turn, with integers that were taken back there.
     earlier: tuple[tuple[int, Sequence[ArcBlock]], ...] = ()
@@ -114,8 +114,8 @@ class AntennaPhase:
         one, arm_b_m = self.rows[i], self.arm_b_m[i]
         pose, arcs = keys.pose(key), keys.arcs(int(self.block[i]))
         involved, lever = [pose, arcs], -1
-        if self.lever_column >= 0:
-            lever = keys.constant(self.constants.first.index(self.lever_column))
+        if self.constants.column(LEVER_ARM) >= 0:
+            lever = keys.constant(self.constants.first.index(self.constants.column(LEVER_ARM)))
             involved.append(lever)
 
         def error(
@@ -147,7 +147,7 @@ class AntennaPhase:
         Where A is by ``arcs``, else at zero; ``constants`` are those of the states.
         """
         one, of_arcs = self.rows[i], keys.arcs(int(self.block[i]))
-        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], self.lever_column
+        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], constants.column(LEVER_ARM)
         pose[:3, :3], pose[:3, 3] = at.R_nb[place], at.p_n_m[place]
         if lever >= 0:
             arm_b_m = arm_b_m + at.constants[lever : lever + 3]
