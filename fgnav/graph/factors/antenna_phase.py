@@ -91,18 +91,6 @@ class AntennaPhase:
     arm_b_m: FloatArray  # (k, 3): from the accelerometer to the antenna
     constants: Constants  # of the problem, l among them where the lever arm is estimated
     first_block: int = 0  # number of the first of the blocks: of phases that go on
-    # Blocks as they were before a keyframe, in turn, with integers that were taken back there.
-    earlier: tuple[tuple[int, Sequence[ArcBlock]], ...] = ()
-
-    @property
-    def revised(self) -> IntArray:
-        """Keyframes at which integers were taken back, (r,)."""
-        return np.array([row for row, _ in self.earlier], dtype=np.int64)
-
-    def as_of(self, row: int) -> "AntennaPhase":
-        """Return the same as it was at a keyframe."""
-        later = [blocks for before, blocks in self.earlier if before > row]
-        return replace(self, blocks=later[0], earlier=()) if later else replace(self, earlier=())
 
     @property
     def freedom(self) -> IntArray:
@@ -190,8 +178,7 @@ class AntennaPhase:
     def on(self, row: IntArray) -> "AntennaPhase":
         """Return the same at other rows, (k,): of a timeline with more keyframes."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
-        earlier = tuple((of[k], _begun_at(blocks, of)) for k, blocks in self.earlier)
-        return replace(self, row=row, blocks=_begun_at(self.blocks, of), earlier=earlier)
+        return replace(self, row=row, blocks=_begun_at(self.blocks, of))
 
 
 def _begun_at(blocks: Sequence[ArcBlock], of: dict[int, int]) -> Sequence[ArcBlock]:
