@@ -38,13 +38,9 @@ class PreparedFlight:
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
     timed: TimedMotion  # how keyframes move, by which clocks and delays show
-    # The same for windows: without information about heading by specific force before motion.
-    windowed: Problem
     rough: bool = False  # whether the attitudes that the search starts from assume something
     causal: bool = False  # whether each keyframe is to be known by what came before it alone
     opening: Opening | None = None  # what a filter is given in its place until the heading is known
-    # As it were if the heading was known: horizontal accelerations are no noise anywhere.
-    in_motion: Problem | None = None
     # What was identified of noise and set-up, over the largest plausible value.
     implausible: Mapping[str, float] = field(default_factory=dict)
     # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
@@ -54,12 +50,9 @@ class PreparedFlight:
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
-        """Return the same with all its problems changed."""
-        opening, in_motion = self.opening, self.in_motion
-        return replace(
-            self,
-            problem=by(self.problem),
-            windowed=by(self.windowed),
-            in_motion=None if in_motion is None else by(in_motion),
-            opening=None if opening is None else replace(opening, problem=by(opening.problem)),
-        )
+        """Return the same with its problem changed, and that of its opening."""
+        opening = self.opening
+        if opening is not None:
+            aligned = None if opening.aligned is None else by(opening.aligned)
+            opening = replace(opening, problem=by(opening.problem), aligned=aligned)
+        return replace(self, problem=by(self.problem), opening=opening)

@@ -117,10 +117,9 @@ def build_problem(
     )
     opened = replace(problem, phase=_phase_before_heading(phase, stage, track, constants))
     opening = open_heading(opened, stage, track, flight.initial)
-    windowed = until_motion(problem, stage, track, flight.initial)
-    in_motion = problem
-    if stage.start.heading_from_s == np.inf:  # at rest all along
-        problem = windowed
+    if opening is not None:
+        opening = replace(opening, aligned=problem)
+    problem = until_motion(problem, stage, track, flight.initial)
     start, antenna = stage.start, track.antenna
     gaps = _gaps(stage, track, sensors)
     return PreparedFlight(
@@ -150,9 +149,7 @@ def build_problem(
         timed=timed,
         rough=start.rough,
         causal=causal,
-        windowed=windowed,
         opening=opening,
-        in_motion=in_motion,
         rest=rest,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,

@@ -220,7 +220,7 @@ class ObservationStream:
         """
         opening = prepared.opening
         is_open = opening is not None and at_s < opening.until_s
-        problem = opening.problem if opening is not None and is_open else prepared.windowed
+        problem = opening.problem if opening is not None and is_open else prepared.problem
         of = look_s, problem.constants.width  # of a sensor that begins, or comes back
         is_another = self._of is None or self._of[:2] != of
         if is_another and opening is not None and not is_open:

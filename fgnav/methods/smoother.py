@@ -307,7 +307,7 @@ class Forward(Smoother):
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening
-        return solve_forward(prepared.windowed, self.lag_s, custom=custom, opening=opening)
+        return solve_forward(prepared.problem, self.lag_s, custom=custom, opening=opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

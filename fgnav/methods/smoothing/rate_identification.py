@@ -75,7 +75,6 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     return replace(
         prepared,
         problem=best.problem,
-        windowed=best.problem,
         attitude_inflation_rad2=added,
         notes=(*notes, note),
     )

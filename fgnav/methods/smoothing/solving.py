@@ -37,7 +37,7 @@ def by_window(
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
     from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
-    problem, keep, added = prepared.windowed, False, None
+    problem, keep, added = prepared.problem, False, None
     if not prepared.causal and is_known_late(prepared):
         problem, added = _at_batch(prepared, custom)
         keep = True
