@@ -10,8 +10,8 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fgnav.alignment.gaps import LOST_S, time_from_attitude_s
+from fgnav.assembly.heading_open import FIXED_RAD
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
-from fgnav.frontend.heading_open import FIXED_RAD
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.types.problem import (
     ROTATION_PRIOR_RAD,
