@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.assembly import gaps
+from fgnav.alignment import gaps
 from fgnav.geometry import rotations
 from fgnav.types.flight import Imu
 from tests.assembly.flights import ACCELEROMETER, GYROSCOPE

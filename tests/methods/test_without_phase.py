@@ -15,7 +15,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
-from tests.assembly.test_vector_alignment import swinging
+from tests.alignment.test_vector_alignment import swinging
 from tests.benchmarks import consistency
 from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, prepared_of, shared
