@@ -18,10 +18,9 @@ from fgnav.assembly.calibration_request import (
     with_evidence,
     with_landmark,
 )
-from fgnav.assembly.causal_stages import causal_aligned
 from fgnav.assembly.heading_open import open_heading, until_motion
 from fgnav.assembly.motion import is_predicted, motion_of
-from fgnav.assembly.position.by_observations import ByObservations, LastObservations
+from fgnav.assembly.position.by_observations import LastObservations
 from fgnav.assembly.position.numbered_arcs import EarlierArcs
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.prepared import Earlier, PreparedFlight
@@ -70,12 +69,10 @@ def build_problem(
         flight, repeated = without_stuck(flight)
     last = last or LastObservations()
     by = last.of(flight, settings)
-    if settings.causal:
-        stage = causal_aligned(flight, settings, by, None if earlier is None else earlier.motion)
-    else:
-        whose = by or ByObservations(flight, settings.resolver, settings.false_alarm, causal=False)
-        flight, requested = initial_shape(flight, requested, lambda: whose.fixed)
-        stage = aligned(flight, settings, requested, last.of(flight, settings))
+    if by is not None and not settings.causal:
+        flight, requested = initial_shape(flight, requested, lambda: by.fixed)
+    before = None if earlier is None else earlier.motion
+    stage = aligned(flight, settings, requested, last.of(flight, settings), before)
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
