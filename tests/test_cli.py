@@ -52,7 +52,7 @@ class Level:
         return Estimate(
             method=self.name,
             t_s=t_s,
-            epochs=len(t_s),
+            n_epochs=len(t_s),
             R_nb=np.tile(np.eye(3), (len(t_s), 1, 1)),
             converged=self.converged,
             verdicts=self.verdicts,

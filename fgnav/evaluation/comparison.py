@@ -217,7 +217,7 @@ def compare(
     gnss_epochs = 0 if flight.observations is None else len(flight.observations.t_s)
     return Comparison(
         flight=flight.name,
-        epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
+        epochs=max((estimate.n_epochs for estimate in estimates), default=gnss_epochs),
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
         posterior_bound=_posterior_bound(flight, prepared_by_key),

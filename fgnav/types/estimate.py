@@ -209,8 +209,8 @@ class Estimate:
         Who made it.
     t_s : ndarray, shape (n,)
         Epochs with an answer, strictly increasing.
-    epochs : int
-        How many epochs were asked for; ``n / epochs`` is the availability.
+    n_epochs : int
+        How many epochs were asked for; ``n / n_epochs`` is the availability.
     R_nb : ndarray, shape (n, 3, 3)
     attitude_covariance_rad2 : ndarray, shape (n, 3, 3), or None
         Of the body-axes tangent ``R_true = R_nb @ Exp(delta)``; None where the method states none.
@@ -258,7 +258,7 @@ class Estimate:
 
     method: str
     t_s: FloatArray
-    epochs: int
+    n_epochs: int
     R_nb: FloatArray
     attitude_covariance_rad2: FloatArray | None = None
     p_n_m: FloatArray | None = None
@@ -285,8 +285,8 @@ class Estimate:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         n = freeze_times(self.method, self)
-        if self.epochs < n:
-            raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
+        if self.n_epochs < n:
+            raise BadInputError(f"{self.method} n_epochs: {self.n_epochs}, but {n} have an answer")
         freeze(self.method, self, {"R_nb": (n, 3, 3)})
         if self.attitude_covariance_rad2 is not None:
             freeze(self.method, self, {"attitude_covariance_rad2": (n, 3, 3)})
@@ -297,7 +297,7 @@ class Estimate:
     @property
     def available(self) -> float:
         """Share of the epochs that have an answer."""
-        return len(self.t_s) / self.epochs if self.epochs else 0.0
+        return len(self.t_s) / self.n_epochs if self.n_epochs else 0.0
 
     @property
     def consistent(self) -> bool:

@@ -143,7 +143,7 @@ def solved(case: str, whole: Flight, rows: BoolArray) -> Estimate:
 def _row(case: str) -> Row:
     whole, rows = flight_of(case)
     estimate = solved(case, whole, rows)
-    answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.epochs)
+    answered = float((estimate.sigma_deg[:, 2] < SURE_DEG).sum() / estimate.n_epochs)
     course = yaw_less_course(estimate, whole.fixes[0])
     note = f"yaw known to {SURE_DEG:.0f} deg {answered:.3f}; {course}"
     note += f"; {constants(estimate)}; {' | '.join(estimate.notes)}"

@@ -28,7 +28,7 @@ def estimate():
     t_s = np.arange(N) * 0.1
     R_nb = rotations.from_euler(0.1 + 0 * t_s, 0.2 * t_s, 0.3 * t_s)
     p_n_m = np.stack([30 * t_s, 5 * t_s, -t_s], axis=1)
-    return Estimate(method="right", t_s=t_s, epochs=N, R_nb=R_nb, p_n_m=p_n_m)
+    return Estimate(method="right", t_s=t_s, n_epochs=N, R_nb=R_nb, p_n_m=p_n_m)
 
 
 @pytest.fixture
