@@ -142,7 +142,7 @@ def test_compare_prints_writes_json_and_draws(folder, tmp_path, capsys):
     assert report.read_bytes().startswith(b"\x89PNG")
     assert "more, by parts: report-errors.png" in streams.out
     parts = {path.stem.split("-")[1] for path in tmp_path.glob("report-*.png")}
-    assert {"errors", "motion", "sky", "residuals", "integers", "consistency", "versions"} <= parts
+    assert {"errors", "motion", "sky", "integers", "consistency", "versions"} <= parts
 
 
 def test_compare_with_json_on_standard_output_prints_nothing_else(folder, methods, capsys):

@@ -14,7 +14,7 @@ from fgnav.evaluation.report.sections.facts import (
 )
 from fgnav.evaluation.report.sections.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.sections.receivers import receiver_blocks
-from fgnav.evaluation.report.sections.signals import residual_blocks, sky_charts
+from fgnav.evaluation.report.sections.signals import sky_charts
 from fgnav.evaluation.report.summary import method_table, remarks
 from fgnav.types.flight import Flight
 
@@ -55,7 +55,6 @@ def comparison_report(
         ("sigmas", "Stated uncertainty", sigma_charts(flight, solved, time)),
         ("receivers", "Residuals of fixes and baselines", receiver_blocks(flight, solved, time)),
         ("sky", "Sky and signals", sky_charts(flight, time)),
-        ("residuals", "Residuals by satellite", residual_blocks(flight, comparison, time)),
         ("integers", "Integers", integer_blocks(flight, comparison, time)),
         ("exclusions", "Gaps and exclusions", gaps_and_exclusions(flight, comparison.methods)),
         ("consistency", "Consistency", consistency_blocks(solved, time)),

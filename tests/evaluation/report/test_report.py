@@ -19,12 +19,11 @@ from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.parts import Folded, Grid, Part, Report, Table
 from fgnav.evaluation.report.render import sheets
 from fgnav.evaluation.report.save import check_report, page, save_report, write
-from fgnav.evaluation.report.sections.signals import channel_charts
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Consistency, Constant, Rejected
 
 PARTS = (
-    *("summary", "errors", "motion", "sigmas", "sky", "residuals", "integers"),
+    *("summary", "errors", "motion", "sigmas", "sky", "integers"),
     *("exclusions", "consistency", "set-up", "versions"),
 )
 VOID = {"meta", "input", "br", "hr"}
@@ -326,18 +325,3 @@ def test_wrong_integers_show_in_time(flown):
     tables = blocks_of(part_of(comparison_report(comparison, flight), "integers").blocks, Table)
     (arcs,) = (table for table in tables if "arcs" in table.caption)
     assert f"of {sum(len(m.arcs) for m in comparison.methods)};" in arcs.caption
-
-
-def test_many_channels_are_drawn_in_rows_on_one_scale():
-    labels = [f"G{k:02d} 1C" for k in range(60)]
-    value = np.full((10, 60), np.nan)
-    assert channel_charts("code", "m", [("a", np.arange(10.0), labels, value)], (0.0, 9.0)) == []
-    value[:] = 1.0
-    value[:, 59] = 0.5
-    value[:, 3] = np.nan
-    charts = channel_charts("code", "m", [("a", np.arange(10.0), labels, value)], (0.0, 9.0))
-    assert [row for one in charts for row in one.rows] == [*labels[:3], *labels[4:]]
-    assert {one.title for one in charts} == {"code: RMS, m; row height 1 m"}
-    (line,) = charts[-1].lines
-    last = line.y[-91:][np.isfinite(line.y[-91:])]
-    np.testing.assert_allclose(last, len(charts[-1].rows) - 1 + 0.45 - 0.45)
