@@ -291,7 +291,7 @@ def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys)
     names = [one["name"] for one in told["constants"]]
     assert names == ["lever-arm", "antenna a4"]
     assert all(0 < sigma < 0.02 for sigma in told["constants"][1]["sigma"].values())
-    assert "Antenna a4, off what the flight states: x_b" in capsys.readouterr().out
+    assert "Antenna a4, difference from the nominal: x_b" in capsys.readouterr().out
 
 
 def test_a_lag_is_the_window_s(folder, tmp_path):
