@@ -27,7 +27,7 @@ from fgnav_sim.simulate import simulate
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|sh|toml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-DOCUMENTS = [path for path in sorted(ROOT.glob("docs/*.md")) if BLOCK.search(path.read_text())]
+DOCUMENTS = [path for path in sorted(ROOT.rglob("docs/**/*.md")) if BLOCK.search(path.read_text())]
 
 FACE = [getattr(fgnav, name) for name in fgnav.__all__]
 PUBLIC = [one for one in FACE if inspect.isclass(one) or inspect.isfunction(one)]
@@ -73,7 +73,7 @@ def test_code_of_a_document_runs(document, capsys):
 
 
 def test_there_are_documents_with_code():
-    assert {"factors.md", "own_log.md"} <= {path.name for path in DOCUMENTS}
+    assert {"custom_factor.md", "own_log.md"} <= {path.name for path in DOCUMENTS}
 
 
 @pytest.mark.usefixtures("folder")
