@@ -1,10 +1,11 @@
 """Hooks of mkdocs: equations as MathML, pages of the reference from the program itself.
 
-A line ``::: NAME`` becomes signature and docstring of a public object, and ``::: fgnav COMMAND``
-the help of a command. Browsers show MathML by themselves, so that no script or font is fetched.
+A line ``::: NAME`` becomes signature and docstring of a public object, and ``::: commands`` the
+help of every command. Browsers show MathML by themselves: no script and no font is fetched.
 """
 
 import contextlib
+import html
 import inspect
 import io
 import os
@@ -14,46 +15,41 @@ from typing import Any
 
 from latex2mathml.converter import convert
 
-_NAME = re.compile(r"^::: (?:fgnav (\S+)|(\S+))$", re.MULTILINE)
+_NAME = re.compile(r"^::: (\S+)$", re.MULTILINE)
+_COMMAND = re.compile(r"^  ([a-z][a-z-]*)  ", re.MULTILINE)
 _MATH = re.compile(r'<(div|span) class="arithmatex">\\[\[(](.*?)\\[\])]</\1>', re.DOTALL)
 _TAG = re.compile(r"\\tag\{(.*?)\}")
-_ENTITIES = {"&lt;": "<", "&gt;": ">", "&amp;": "&"}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401  # mkdocs' name and arguments
     """Return a page with its names described."""
     return _NAME.sub(
-        lambda match: _help(match[1]) if match[1] else _described(match[2]), markdown
+        lambda match: _commands() if match[1] == "commands" else _described(match[1]), markdown
     )
 
 
-def on_page_content(html: str, **_: Any) -> str:  # noqa: ANN401
+def on_page_content(content: str, **_: Any) -> str:  # noqa: ANN401
     """Return a page with its equations as MathML."""
-    return _MATH.sub(lambda match: _equation(match[2], is_block=match[1] == "div"), html)
+    return _MATH.sub(lambda match: _equation(match[2], is_block=match[1] == "div"), content)
 
 
 def _equation(latex: str, *, is_block: bool) -> str:
-    for entity, character in _ENTITIES.items():
-        latex = latex.replace(entity, character)
+    latex = html.unescape(latex)
     number = _TAG.search(latex)
     math = convert(_TAG.sub("", latex).strip(), display="block" if is_block else "inline")
     if not is_block:
         return str(math)
     shown = f'<span class="number">({number[1]})</span>' if number else ""
-    anchor = f' id="{number[1]}"' if number else ""
-    return f'<div class="equation"{anchor}>{math}{shown}</div>'
+    return f'<div class="equation">{math}{shown}</div>'
 
 
 def _described(name: str) -> str:
     """Return how an object is called and its docstring."""
     module, _, last = name.rpartition(".")
     thing = getattr(import_module(module), last)
-    call = name if _is_error(thing) else f"{name}({', '.join(_arguments(thing))})"
+    is_error = isinstance(thing, type) and issubclass(thing, Exception)
+    call = name if is_error else f"{name}({', '.join(_arguments(thing))})"
     return f"### {last}\n\n```text\n{call}\n\n{inspect.getdoc(thing)}\n```"
-
-
-def _is_error(thing: object) -> bool:
-    return isinstance(thing, type) and issubclass(thing, Exception)
 
 
 def _arguments(thing: Any) -> list[str]:  # noqa: ANN401  # a function or a class
@@ -66,11 +62,18 @@ def _arguments(thing: Any) -> list[str]:  # noqa: ANN401  # a function or a clas
     return words
 
 
-def _help(command: str) -> str:
-    """Return the help of a command as the program prints it."""
+def _commands() -> str:
+    """Return the help of every command as the program prints it."""
+    names = _COMMAND.findall(_printed("--help").partition("Commands:")[2])
+    return "\n\n".join(
+        f"## fgnav {name}\n\n```text\n{_printed(name, '--help').strip()}\n```" for name in names
+    )
+
+
+def _printed(*words: str) -> str:
     from fgnav.cli import main  # noqa: PLC0415  # slow to import
 
     os.environ["COLUMNS"] = "100"
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        main([command, "--help"])
-    return f"## fgnav {command}\n\n```text\n{printed.getvalue().strip()}\n```"
+    with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.suppress(SystemExit):
+        main(list(words))
+    return printed.getvalue()
