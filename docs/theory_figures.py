@@ -33,25 +33,27 @@ BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#888888"
 
 def notation() -> Figure:
     """Return the frames ``n`` and ``b`` with a lever arm."""
-    figure, axes = plt.subplots(figsize=(5.2, 2.6))
-    turn = np.radians(-25.0)
-    forward = np.array([np.cos(turn), -np.sin(turn)])
-    down = np.array([np.sin(turn), -np.cos(turn)])
-    origin, body = np.array([0.0, 0.0]), np.array([3.2, 0.6])
-    arm = 0.9 * forward - 0.5 * down
-    for begin, vector, text, colour in (
-        (origin, (0.9, 0.0), "north", GREY),
-        (origin, (0.0, -0.9), "down", GREY),
-        (origin, body, "$p_n$", BLUE),
-        (body, 0.9 * forward, "forward $x_b$", ORANGE),
-        (body, 0.9 * down, "down $z_b$", ORANGE),
-        (body, arm, "lever arm $a_b$", GREEN),
+    figure, axes = plt.subplots(figsize=(5.6, 2.6))
+    pitch = np.radians(25.0)
+    forward = np.array([np.cos(pitch), np.sin(pitch)])
+    down = np.array([np.sin(pitch), -np.cos(pitch)])
+    origin, body = np.zeros(2), np.array([3.2, 0.5])
+    outline = Ellipse(body, 3.0, 0.7, angle=np.degrees(pitch), facecolor="#f2f2f2")
+    axes.add_patch(outline)
+    for begin, vector, text, place, colour in (
+        (origin, (0.9, 0.0), "north", (0.95, -0.05), GREY),
+        (origin, (0.0, -0.9), "down", (0.08, -0.9), GREY),
+        (origin, body, "$p$", (1.5, 0.36), BLUE),
+        (body, 1.0 * forward, "forward", (4.2, 0.75), ORANGE),
+        (body, 0.9 * down, "down", (3.68, -0.4), ORANGE),
+        (body, -0.9 * forward - 0.45 * down, "lever arm $a$", (2.2, 0.75), GREEN),
     ):
-        end, share = begin + np.array(vector), 0.5 if text == "$p_n$" else 1.06
-        axes.annotate("", end, begin, arrowprops={"arrowstyle": "->", "color": colour})
-        axes.text(*(begin + share * np.array(vector) + [0.0, 0.1]), text, color=colour)
-    axes.text(-0.1, 0.1, "origin of the flight", color=GREY, ha="center")
-    axes.set(xlim=(-0.9, 5.4), ylim=(-1.2, 2.0), aspect="equal")
+        arrow = {"arrowstyle": "->", "color": colour}
+        axes.annotate("", begin + np.array(vector), begin, arrowprops=arrow)
+        axes.text(*place, text, color=colour, ha="right" if "lever" in text else "left")
+    axes.text(0.0, 0.1, "origin of the flight", color=GREY, ha="center")
+    axes.text(3.5, 0.3, "accelerometer", color=BLUE)
+    axes.set(xlim=(-0.9, 5.2), ylim=(-1.1, 1.5), aspect="equal")
     axes.axis("off")
     return figure
 
