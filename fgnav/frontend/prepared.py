@@ -57,22 +57,6 @@ class PreparedFlight:
     goes_on: Earlier | None = None  # what keyframes to come need of these
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 
-    @property
-    def revised_s(self) -> FloatArray:
-        """Times from which phases are without integers that were taken back."""
-        problems = [self.problem] + ([] if self.opening is None else [self.opening.problem])
-        times_s = [one.t_s[one.phase.revised] for one in problems if one.phase is not None]
-        return np.unique(np.concatenate([np.empty(0), *times_s]))
-
-    def as_of(self, t_s: float) -> "PreparedFlight":
-        """Return the same as it was before integers were taken back after a time."""
-
-        def before_revision(one: Problem) -> Problem:
-            row = int(np.searchsorted(one.t_s, t_s, side="right")) - 1
-            return one if one.phase is None else replace(one, phase=one.phase.as_of(row))
-
-        return self.changed(before_revision)
-
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
         """Return the same with all its problems changed."""
         opening, in_motion = self.opening, self.in_motion
@@ -98,23 +82,3 @@ class Stretch(NamedTuple):
         covered_s = self.prepared.problem.t_s
         within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
         return np.asarray(within & (t_s <= covered_s[-1]))
-
-
-def by_integers(flight: Flight, prepared: PreparedFlight, waits_s: float) -> tuple[Stretch, ...]:
-    """Return the stretches of a causal flight, each with the integers that it had by then.
-
-    None of a flight that took none back. ``waits_s`` is how much of what comes later an estimate
-    takes part of.
-    """
-    spans = prepared.stretches or (Stretch(-np.inf, np.inf, flight, prepared),)
-    if not any(len(one.prepared.revised_s) for one in spans):
-        return prepared.stretches
-    parts = []
-    for one in spans:
-        changes_s = one.prepared.revised_s - waits_s
-        changes_s = changes_s[(changes_s > one.from_s) & (changes_s < one.until_s)]
-        begin_s = [one.from_s, *changes_s.tolist()]
-        for from_s, until_s in zip(begin_s, [*begin_s[1:], one.until_s], strict=True):
-            as_then = one.prepared.as_of(from_s + waits_s)
-            parts.append(Stretch(from_s, until_s, one.flight, as_then))
-    return tuple(parts)

@@ -12,7 +12,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight, by_integers
+from fgnav.frontend.prepared import PreparedFlight
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.recording import with_noise_of_record
 from fgnav.frontend.settings import ProblemSettings
@@ -205,7 +205,7 @@ class Smoother:
             build = partial(build_problem, last=LastObservations())
             spans = stretches(flight, settings, prepared, ahead_s, build)
             prepared = replace(prepared, stretches=spans)
-        return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
+        return prepared
 
     @in_one_thread
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
@@ -230,11 +230,6 @@ class Smoother:
             estimate = self._estimated(one.flight, one.prepared)
             parts.append(among(estimate, one.from_s, one.until_s))
         return concatenate_estimates(parts, max(one.epochs for one in parts), due)
-
-    @property
-    def _waits_s(self) -> float:
-        """How much of what comes later a causal estimate takes part of."""
-        return self.lag_s
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
@@ -307,10 +302,6 @@ class Forward(Smoother):
     causal: bool = True
     lag_s: float = 1.0
     name: str = "forward"
-
-    @property
-    def _waits_s(self) -> float:
-        return 0.0
 
     def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
