@@ -4,16 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import numpy as np
-
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Imu
 from fgnav.types.integers import ArcInteger, Integers
 
 
@@ -47,8 +45,6 @@ class PreparedFlight:
     opening: Opening | None = None  # what a filter is given in its place until the heading is known
     # As it were if the heading was known: horizontal accelerations are no noise anywhere.
     in_motion: Problem | None = None
-    # In place of all this, of a causal method whose noise is identified as the flight goes on.
-    stretches: "tuple[Stretch, ...]" = ()
     # What was identified of noise and set-up, over the largest plausible value.
     implausible: Mapping[str, float] = field(default_factory=dict)
     # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
@@ -67,18 +63,3 @@ class PreparedFlight:
             in_motion=None if in_motion is None else by(in_motion),
             opening=None if opening is None else replace(opening, problem=by(opening.problem)),
         )
-
-
-class Stretch(NamedTuple):
-    """A flight up to a time, as it is prepared for estimates from another time on."""
-
-    from_s: float
-    until_s: float  # estimates before it
-    flight: Flight
-    prepared: PreparedFlight
-
-    def answers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (k,), it estimates: a clock put right moves what is covered."""
-        covered_s = self.prepared.problem.t_s
-        within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
-        return np.asarray(within & (t_s <= covered_s[-1]))

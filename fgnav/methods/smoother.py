@@ -38,6 +38,7 @@ from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import NamedFactor
+    from fgnav.methods.causal import Stretch
     from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
@@ -144,11 +145,12 @@ class Smoother:
         if rate_hz is not None:
             t_s = regular_times(prepared.problem, rate_hz)
         t_s = np.asarray(t_s)
-        if not prepared.stretches:
+        stretches = self._stretches(flight, prepared)
+        if len(stretches) == 1:
             return self._at(flight, prepared, t_s)
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
-            for one in prepared.stretches
+            for one in stretches
             if (within := one.answers(t_s)).any()
         ]
         return concatenate_estimates(parts, len(t_s), len(t_s))
@@ -173,8 +175,8 @@ class Smoother:
 
     @in_one_thread
     def prepare(self, flight: Flight) -> PreparedFlight:
-        """Return the smoothing problem of a flight."""
-        return self._prepared_so_far(flight) if self.causal else self._prepared(flight)
+        """Return the smoothing problem of a flight; of causal methods with nominal noise."""
+        return build_problem(flight, self.preparation) if self.causal else self._prepared(flight)
 
     def _prepared(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a whole flight."""
@@ -194,18 +196,15 @@ class Smoother:
             prepared = identified_by_evidence(prepared)
         return prepared
 
-    def _prepared_so_far(self, flight: Flight) -> PreparedFlight:
-        """Return the smoothing problem of a causal method, in stretches as its past has them."""
-        settings = self.preparation
-        prepared = build_problem(flight, settings)
-        if self.noise == "identified":
-            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: gtsam
+    def _stretches(self, flight: Flight, prepared: PreparedFlight) -> "tuple[Stretch, ...]":
+        """Return what is estimated with hyperparameters of its own: by the past, if causal."""
+        from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
 
-            ahead_s = self.lag_s + 2 * BLOCK_S
-            build = partial(build_problem, last=LastObservations())
-            spans = stretches(flight, settings, prepared, ahead_s, build)
-            prepared = replace(prepared, stretches=spans)
-        return prepared
+        if not (self.causal and self.noise == "identified"):
+            return (Stretch(-np.inf, np.inf, flight, prepared),)
+        ahead_s = self.lag_s + 2 * BLOCK_S
+        build = partial(build_problem, last=LastObservations())
+        return stretches(flight, self.preparation, prepared, ahead_s, build)
 
     @in_one_thread
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
@@ -221,10 +220,11 @@ class Smoother:
 
     def _estimated_so_far(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate each stretch of a flight by what was known when it began."""
-        if not prepared.stretches:
-            return self._estimated(flight, prepared)
+        stretches = self._stretches(flight, prepared)
+        if len(stretches) == 1:
+            return self._estimated(flight, stretches[0].prepared)
         parts, due = [], 0
-        for one in prepared.stretches:
+        for one in stretches:
             t_s = one.prepared.problem.t_s
             due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
             estimate = self._estimated(one.flight, one.prepared)
