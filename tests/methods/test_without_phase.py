@@ -24,7 +24,7 @@ from tests.methods.true_gravity import TrueGravity
 # What docs/evidence/limitations.md names: the turn about the specific force of a body that nothing
 # but its motion tells. A rate that wanders about a constant is too little to hold it.
 HEADING = pytest.mark.xfail(
-    reason="neither array nor gyroscope: the turn about gravity is open (docs/evidence/limitations.md)"
+    reason="neither array nor gyroscope: the turn about gravity is open: evidence/limitations.md"
 )
 
 
