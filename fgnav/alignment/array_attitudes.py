@@ -10,10 +10,15 @@ from fgnav.alignment.array.adaptation import AdaptedArray, adapted
 from fgnav.alignment.array.pivot import View, pivot_losses, pivot_notes, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.in_motion.attitudes import carried_attitudes
+from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.alignment.matching import nearest
-from fgnav.alignment.vector_alignment import VECTOR_SIGMA_RAD, vector_attitudes
+from fgnav.alignment.vector_alignment import (
+    VECTOR_SIGMA_RAD,
+    of_vectors,
+    vector_attitudes,
+)
 from fgnav.attitude.array import maximum_likelihood
-from fgnav.attitude.flight_vectors import measured_vectors, track_of
+from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.gravity import GravityDirection
@@ -23,25 +28,40 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
 
 
-def without_array(flight: Flight, gravity: GravityDirection | None = None) -> Alignment:
+def without_array(
+    flight: Flight,
+    gravity: GravityDirection | None = None,
+    *,
+    causal: bool = False,
+    earlier: EarlierMotion | None = None,
+) -> Alignment:
     """Return attitudes by motion beside a gyroscope, or of single epochs by other vectors.
 
     Parameters
     ----------
     flight : Flight
     gravity : GravityDirection or None
-        A vector.
+        A vector; not of causal attitudes.
+    causal : bool
+        Whether each is by what came up to it.
+    earlier : EarlierMotion, optional
+        Of a flight that goes on: what sums up its beginning.
 
     Raises
     ------
     NoSolutionError
         If it has no track.
     """
-    if flight.imu is not None and flight.imu.w_b_radps is not None:
-        carried = carried_attitudes(flight, flight.imu)
-        if carried.valid.any() or flight.photodetector is None:
+    imu, sees = flight.imu, flight.photodetector is not None
+    if imu is not None and imu.w_b_radps is not None and not (causal and sees):
+        carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
+        if carried.valid.any() or not sees:
             return carried
-    return vector_attitudes(flight, gravity)
+    if not causal:
+        return vector_attitudes(flight, gravity)
+    track = track_of(flight, causal=True)
+    pairs, losses = measured_vectors(flight, track, causal=True)
+    return of_vectors(track.t_s, with_velocity(pairs, track), losses)
 
 
 class ArrayPhases(NamedTuple):

@@ -1,4 +1,7 @@
-"""The two stages before a smoothing problem: attitudes at keyframes, then the antenna's motion."""
+"""The two stages before a smoothing problem: attitudes at keyframes, then the antenna's motion.
+
+Causal, each keyframe is by what came before it alone.
+"""
 
 from dataclasses import replace
 from operator import attrgetter
@@ -18,6 +21,7 @@ from fgnav.alignment.gaps import (
     time_from_attitude_s,
 )
 from fgnav.alignment.in_motion.windows import EarlierMotion
+from fgnav.alignment.initial import level_start
 from fgnav.alignment.matching import SAME_S, nearest
 from fgnav.alignment.rates import rough_rates, swing_n_mps
 from fgnav.assembly.position.antenna_motion import AntennaMotion, antenna_motion
@@ -29,8 +33,8 @@ from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError, losses_of
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.constants import FlightConstant
-from fgnav.gravity import GravityDirection
-from fgnav.integrity.imu_screen import without_faulty
+from fgnav.gravity import GravityDirection, causal_gravity
+from fgnav.integrity.imu_screen import without_faulty, without_stuck_so_far
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 
@@ -46,6 +50,7 @@ class Aligned(NamedTuple):
     epochs: int
     losses: tuple[Loss, ...]
     by: ByObservations | None
+    earth_rate_n_radps: FloatArray  # (3,)
     causal: bool = False
     R_open: FloatArray | None = None  # (n, 3, 3): level, the heading not known yet; causal only
 
@@ -100,26 +105,64 @@ def aligned(
     settings: ProblemSettings,
     requested: tuple[FlightConstant, ...],
     by: ByObservations | None,
+    earlier: EarlierMotion | None = None,
 ) -> Aligned:
-    """Return attitudes at keyframes, each from its own epoch; integers may hold along arcs.
+    """Return attitudes at keyframes, each from its own epoch.
+
+    Integers may hold along arcs. Causal: each by what came up to it; arcs have the integers that
+    epochs so far name, none floats. Of a flight that goes on, ``earlier`` sums up its beginning.
 
     Raises
     ------
+    BadInputError
+        If the resolver or the gravity estimator has no causal form.
     NoSolutionError
-        If there are fewer than two attitudes.
+        If there are fewer than two attitudes, or, causal, none.
     """
-    imu, faulty = without_faulty(inertial_record(flight.imu))
-    record = bridged(imu)
-    down = None if settings.gravity is None else settings.gravity(flight)
+    causal = settings.causal
+    screened = without_stuck_so_far if causal else without_faulty
+    imu, faulty = screened(inertial_record(flight.imu))
+    record, down = bridged(imu, causal=causal), None
+    if settings.gravity is not None:
+        down = (causal_gravity(settings.gravity) if causal else settings.gravity)(flight)
     if by is not None and len(flight.antennas) > 1:
-        epochs = of_arrays(flight, by.array)
+        epochs = of_arrays(flight, by.array, causal=causal)
     else:
-        epochs = without_array(flight, down)
-    start, count, losses = chosen_keyframes(record.imu, epochs, measured_times_s(flight))
-    losses = (*faulty, *losses)
+        epochs = without_array(flight, down, causal=causal, earlier=earlier)
+    start, count, losses = chosen_keyframes(
+        record.imu, epochs, measured_times_s(flight), causal=causal, earlier=earlier
+    )
     start, float_arcs = _float_arcs(start, settings, requested)
-    rates = rough_rates(record.imu, start.t_s, start.R_nb, start.rotation)
-    return Aligned(record, down, start, float_arcs, rates, count, losses, by)
+    return Aligned(
+        record,
+        down,
+        start,
+        float_arcs,
+        _rates(record.imu, start, causal=causal),
+        count,
+        (*faulty, *losses),
+        by,
+        flight.origin.earth_rate_n_radps,
+        causal,
+        _open_attitudes(flight, record.imu, start) if causal else None,
+    )
+
+
+def _rates(imu: Imu, start: Alignment, *, causal: bool) -> FloatArray:
+    """Return approximate body rates at keyframes, (n, 3); causal: zero without a gyroscope."""
+    if not causal:
+        return rough_rates(imu, start.t_s, start.R_nb, start.rotation)
+    if imu.w_b_radps is None:
+        return np.zeros((len(start.t_s), 3))
+    return interpolate(start.t_s, imu.t_s, imu.w_b_radps, causal=True)
+
+
+def _open_attitudes(flight: Flight, imu: Imu, start: Alignment) -> FloatArray | None:
+    """Return level attitudes, (n, 3, 3), of a flight whose heading is not known at its begin."""
+    if start.rotation is None or start.valid[0]:
+        return None
+    R_nu = level_start(flight, imu, start.rotation, float(start.t_s[0]))
+    return spun(start.rotation, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
 
 
 def measured_times_s(flight: Flight) -> FloatArray:
@@ -194,8 +237,8 @@ def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) 
 def _float_arcs(
     start: Alignment, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
 ) -> tuple[Alignment, FloatArcs]:
-    """Add attitudes of epochs without integers, unless the array's shape is estimated."""
-    if any(one.name.startswith("antenna ") for one in requested):
+    """Add attitudes of epochs without integers, unless causal or the array's shape is estimated."""
+    if settings.causal or any(one.name.startswith("antenna ") for one in requested):
         return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
     start, float_arcs = with_float_arcs(start, settings.false_alarm)
     if not float_arcs.count:
