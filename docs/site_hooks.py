@@ -1,7 +1,8 @@
 """Hooks of mkdocs: equations as MathML, pages of the reference from the program itself.
 
-A line ``::: NAME`` becomes signature and docstring of a public object, and ``::: commands`` the
-help of every command. Browsers show MathML by themselves: no script and no font is fetched.
+A line ``::: NAME`` becomes signature and docstring of a public object, ``::: commands`` the help of
+every command, ``::: messages`` the catalogue of messages. Browsers show MathML by themselves: no
+script and no font is fetched.
 """
 
 import contextlib
@@ -23,8 +24,9 @@ _TAG = re.compile(r"\\tag\{(.*?)\}")
 
 def on_page_markdown(markdown: str, **_: Any) -> str:  # noqa: ANN401  # mkdocs' name and arguments
     """Return a page with its names described."""
+    generated = {"commands": _commands, "messages": _messages}
     return _NAME.sub(
-        lambda match: _commands() if match[1] == "commands" else _described(match[1]), markdown
+        lambda match: generated.get(match[1], lambda: _described(match[1]))(), markdown
     )
 
 
@@ -68,6 +70,15 @@ def _commands() -> str:
     return "\n\n".join(
         f"## fgnav {name}\n\n```text\n{_printed(name, '--help').strip()}\n```" for name in names
     )
+
+
+def _messages() -> str:
+    """Return the catalogue of messages as a table, an ellipsis for each value."""
+    from fgnav.messages import MESSAGES  # noqa: PLC0415
+
+    words = {code: re.sub(r"\{[^}]*\}", "…", text) for code, text in MESSAGES.items()}
+    rows = [f"| {code} | {text} |" for code, text in words.items()]
+    return "\n".join(["| code | message |", "|---|---|", *rows])
 
 
 def _printed(*words: str) -> str:

@@ -38,6 +38,15 @@ FLIGHTS = {
     "fixes_5hz": "fixes five times a second, gyroscope",
     "instruments": "fixes, gyroscope, barometer, magnetometer, line of sight",
 }
+RECORDS = {
+    "antennas": "antenna positions",
+    "detector": "photodetector",
+    "f_b_mps2": "accelerometer",
+    "field_b_ut": "magnetometer",
+    "imu": "inertial timestamps, lost samples",
+    "observations": "raw GNSS",
+    "w_b_radps": "gyroscope",
+}
 _MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 Row = dict[str, str]
 
@@ -94,15 +103,17 @@ def methods() -> str:
 
 def recordings() -> str:
     """Return errors and NEES of recordings."""
-    return _of_groups(_rows("recordings"), {})
+    rows = _rows("recordings")
+    measured = [row for row in rows if any(row[f"rmse_{s}"] or row[f"nees_{s}"] for s in STATES)]
+    return _of_groups(measured, {})
 
 
 def outcomes() -> str:
     """Return how many drawn flights ended how, clean and with a fault of each record."""
     clean_rows, faulty = _rows("drawn"), _rows("faulty")
     groups = {"no fault": clean_rows}
-    for row in sorted(faulty, key=lambda row: row["fault"]):
-        groups.setdefault(f"fault of `{row['fault'].partition(':')[0]}`", []).append(row)
+    for row in sorted(faulty, key=_record):
+        groups.setdefault(f"fault of {_record(row)}", []).append(row)
     groups["all faults"] = faulty
     head = ("flights", "n", *OUTCOMES.values(), "with a verdict")
     lines = []
@@ -150,6 +161,12 @@ def peers() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     one.__name__: one for one in (summary, clean, methods, recordings, outcomes, times, peers)
 }
+
+
+def _record(row: Row) -> str:
+    """Return what a fault is of, in words."""
+    name = row["fault"].partition(":")[0]
+    return RECORDS.get(name, name)
 
 
 def _of_groups(rows: Iterable[Row], texts: dict[str, str]) -> str:

@@ -41,6 +41,7 @@ def test_the_site_builds_without_a_warning_or_a_raw_equation(tmp_path):
     assert not [page for page, text in texts.items() if re.search(r"arithmatex|\\tag", text)]
     assert "One line that names file, line or key, rule and value." in texts[Path("reference/api")]
     assert "--strict" in texts[Path("reference/cli")]  # of fgnav run
+    assert "E401" in texts[Path("reference/messages")]
     fetched = re.findall(r"<(?:script|img|link)[^>]+https?://[^>]*>", texts[Path("theory/solvers")])
     assert not fetched
 
