@@ -153,8 +153,8 @@ def peers() -> str:
     path = EVIDENCE / "bench.csv"
     rows = _read(path) if path.exists() else []
     return _table(
-        ("benchmark", "fgnav", "peer", "ratio", "unit"),
-        [(f"`{r['name']}`", r["ours"], r["peer"], r["ratio"], r["unit"]) for r in rows],
+        ("benchmark", "fgnav", "peer", "ratio", "unit", "of what"),
+        [(f"`{r['name']}`", r["ours"], r["peer"], r["ratio"], r["unit"], r["note"]) for r in rows],
     )
 
 
@@ -194,7 +194,7 @@ def _errors(groups: dict[str, list[Row]]) -> str:
 
 
 def _table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
-    rule = ("---", *("---:" for _ in head[1:]))
+    rule = ["---" if name in (head[0], "unit", "of what") else "---:" for name in head]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (head, rule, *lines))
 
 
