@@ -4,7 +4,7 @@ A flight with neither an array nor a gyroscope has attitudes from vectors whose 
 seconds and are not known. Positions, velocities and specific forces tell it by the marginal
 likelihood of all of them; rates are as likely beforehand as those of an array are
 (``process.posterior``). A prior that is nearly as likely may have turned the body otherwise: by
-their shares of the posterior all of them doubt the attitudes (docs/model.md).
+their shares of the posterior all of them doubt the attitudes (docs/evidence/limitations.md).
 """
 
 from dataclasses import replace
