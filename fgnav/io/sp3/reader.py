@@ -16,7 +16,7 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
 from fgnav.io.gps_time import UNIX_OF_GPS_S, date_to_gps_s, gps_of_utc
 from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
-from fgnav.io.rinex.observations import first_of_each, in_order
+from fgnav.io.rinex.observations import in_order
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
@@ -95,7 +95,8 @@ def _read(path: Path, start_gps_s: float) -> PreciseOrbits:
     names = [_name(lines[k][1:4]) for k in records.tolist()]
     column = np.array([number.get(name, -1) for name in names], np.int64)
     whole &= (column >= 0) & (row >= 0)
-    whole[whole] = first_of_each(row[whole] * len(satellites) + column[whole])
+    _, first = np.unique(row[whole] * len(satellites) + column[whole], return_index=True)
+    whole[np.delete(np.flatnonzero(whole), first)] = False  # the first of equal ones counts
     usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
     if not usable.any():
         raise BadInputError(
