@@ -59,9 +59,9 @@ def test_what_is_no_fix_damaged_or_not_read_is_counted(tmp_path):
     )
     assert losses == {
         "byte: in no whole message: damaged, or of another format": 84,
-        "GGA sentence: the receiver had no fix": 1,
-        "GGA sentence: dead reckoning": 1,
-        "RMC sentence: speed and course without a vertical velocity": 1,
+        "GGA message: the receiver had no fix": 1,
+        "GGA message: dead reckoning": 1,
+        "RMC message: speed and course without a vertical velocity": 1,
         "GSV message: not read": 1,
     }
 

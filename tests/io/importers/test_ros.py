@@ -97,7 +97,7 @@ def test_units_and_fixes_come_out_as_recorded(tmp_path, kind):
     np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m)[0], p_e_m, atol=1e-6)
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [3, 2, 4])
     lost = {loss.reason: loss.count for loss in whole.losses}
-    assert lost == {"the receiver had none (status)": 1, "has no covariance, as most have": 1}
+    assert lost == {"the receiver had none (status)": 1, "has no sigma_n_m, as most have": 1}
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap"])

@@ -130,7 +130,7 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path):
     whole, flight = imported(tmp_path, "ubx", tmp_path / "rover.ubx")
     assert_fixes(flight)
     lost = {f"{one.what}: {one.reason}": one.count for one in whole.losses}
-    assert lost == {"place: of a sentence: a message of another protocol has it": 1}
+    assert lost == {"place of nmea: ubx has it, too": 1}
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035)
     (baseline,) = flight.baselines
     np.testing.assert_allclose(baseline.vector_n_m, [VECTOR] * EPOCHS, atol=1e-9)
@@ -197,7 +197,7 @@ def test_a_cut_file_is_read_to_its_last_whole_epoch(tmp_path):
     assert len(flight.fixes[0].t_s) == EPOCHS - 1
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m, [SIGMA] * (EPOCHS - 1), rtol=1e-6)
     lost = {one.reason: one.count for one in whole.losses}
-    assert lost["has no sigma, as most have"] == 1
+    assert lost["has no sigma_n_m, as most have"] == 1
 
 
 @pytest.mark.parametrize("make", [novatel, novatel_ascii])
