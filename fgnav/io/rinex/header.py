@@ -9,14 +9,15 @@ import numpy as np
 
 from fgnav.checks import BadInputError, quoted
 from fgnav.io.gps_time import date_to_gps_s
+from fgnav.io.rinex.constellations import CONSTELLATIONS
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import is_number
 
 _MOST_TYPES = 99  # more than any receiver tracks
 _TYPE = {2: re.compile(r"[CLPDS][1-9A-Z]"), 3: re.compile(r"[CLDSIX][0-9][A-Z0-9]?")}
 _VERSIONS = {2: (2.00, 2.12), 3: (3.00, 3.05), 4: (4.00, 4.02)}
-_SYSTEMS = "GRECJSI"
-_TIMES = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}
+_SYSTEMS = "".join(CONSTELLATIONS)
+_TIMES = {letter: one.time for letter, one in CONSTELLATIONS.items()}
 _NAVIGATION_2 = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}  # constellations by file type
 _MOST_BYTES = 1 << 20  # a head of a megabyte is no head
 
@@ -102,7 +103,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
             raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
         last = first.text.split()[-1:]  # wherever it stands
         time_system = last[0] if last and last[0].isalpha() else time_system
-        if time_system not in ("GPS", *_TIMES.values()):
+        if time_system not in _TIMES.values():
             raise first.fault("time system must be GPS, GLO, GAL, QZS or BDT", time_system)
     return Header(
         path=path,

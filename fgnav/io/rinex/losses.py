@@ -7,13 +7,11 @@ import numpy as np
 
 from fgnav.checks import BadInputError, IntArray, quoted
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
+from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
 from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.scan import COUNT, CUT, NO_EPOCH, SATELLITE, VALUE, Body
 
 Counts: TypeAlias = Counter[tuple[str, str]]
-# Highest satellite number of each constellation in use.
-KNOWN_SATELLITES = {"G": 32, "E": 36, "C": 46, "J": 10, "R": 27}
-CONSTELLATIONS = {"R": "GLONASS", "S": "SBAS", "I": "NavIC"}
 _EVENTS = {2: "antenna starts to move", 3: "new site", 4: "header lines", 5: "external event"}
 _EVENTS[6] = "cycle slip records"
 # Labels that change what the numbers mean; inside the body they must repeat the header's lines.
@@ -40,8 +38,8 @@ def count_faults(header: Header, body: Body, faults: IntArray, counts: Counts) -
 
 def count_satellites(letter: str, numbers: IntArray, counts: Counts) -> None:
     """Count a constellation that is not used, or satellites that are not."""
-    if letter not in KNOWN_SATELLITES:
-        what = f"{CONSTELLATIONS[letter]} observation"
+    if letter not in USED:
+        what = f"{CONSTELLATIONS[letter].name} observation"
         counts[what, "constellation not used"] += len(numbers)
         return
     for number in numbers.tolist():

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, Loss
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S, date_to_gps_s
+from fgnav.io.rinex.constellations import CONSTELLATIONS, USED, is_known
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
@@ -131,14 +131,14 @@ def _messages(
         kind, name, of = begin.groups() if version == 4 else ("EPH", begin[1], "")
         name = f"{header.system}{begin[1]}" if version == 2 else name
         name = name.replace(" ", "0")
-        limit = KNOWN_SATELLITES.get(name[0])
         if kind != "EPH":
             counts[f"{kind} record", "not an ephemeris"] += 1
-        elif limit is None or name[0] == "R":
-            counts[f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used"] += 1
+        elif name[0] not in USED or name[0] == "R":
+            owner = CONSTELLATIONS.get(name[0])
+            counts[f"{owner.name if owner else name[0]} message", "constellation not used"] += 1
         elif of and of not in _DECODED:
             counts[f"{name[0]} {of} message", "type not used"] += 1
-        elif int(name[1:]) > limit:
+        elif not is_known(name):
             counts[f"{name} message", "of a number that is not used"] += 1
         else:
             decoded = _decoded(name, lines[1:] if version == 4 else lines, min(version, 3))

@@ -11,10 +11,10 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, losses_of
 from fgnav.io.antennas import nominal_epochs
-from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, UNIX_OF_GPS_S, gps_of_utc, to_ticks
+from fgnav.io.gps_time import TICKS_PER_S, gps_of, to_ticks
+from fgnav.io.rinex.constellations import CONSTELLATIONS
 from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.losses import (
-    KNOWN_SATELLITES,
     Counts,
     count_end,
     count_events,
@@ -84,7 +84,9 @@ def to_observations(
     for m, (satellite, signal) in enumerate(channels):
         if header.half_cycles & {(satellite, signal[0]), ("", signal[0])}:
             arrays["lock_flags"][np.isfinite(arrays["phase_cycles"][..., m]), m] |= HALF_CYCLE
-    tag_s = (ticks + _time_shift(header, ticks) - to_ticks(start_gps_s)) / TICKS_PER_S
+    whole_s = (ticks // TICKS_PER_S).astype(np.float64)
+    shift = (gps_of(whole_s, header.time_system) - whole_s).astype(np.int64) * TICKS_PER_S
+    tag_s = (ticks + shift - to_ticks(start_gps_s)) / TICKS_PER_S
     return Observations(
         t_s=nominal_epochs(tag_s, start_gps_s),
         tag_s=tag_s[:, None],
@@ -149,7 +151,7 @@ def _block(
     types = header.types[letter]
     rows = found.records[:, 1] == ord(letter)
     epoch, number = epoch[found.records[rows, 0]], found.records[rows, 2]
-    is_used = (epoch >= 0) & (number <= KNOWN_SATELLITES.get(letter, 0))
+    is_used = (epoch >= 0) & (number <= CONSTELLATIONS[letter].satellites)
     count_satellites(letter, number[(epoch >= 0) & ~is_used], counts)
     satellites, place = np.unique(number[is_used], return_inverse=True)
     epoch = epoch[is_used]
@@ -199,13 +201,3 @@ def in_order(ticks: IntArray | FloatArray) -> BoolArray:
     later[1:] = ticks[1:] > np.maximum.accumulate(ticks)[:-1]
     earlier[:-1] = ticks[:-1] < np.minimum.accumulate(ticks[::-1])[::-1][1:]
     return later if later.sum() >= earlier.sum() else earlier
-
-
-def _time_shift(header: Header, ticks: IntArray) -> IntArray:
-    """Return what to add to the file's epochs for GPS time."""
-    if header.time_system == "BDT":
-        return np.full(len(ticks), BDT_BEHIND_GPS_S * TICKS_PER_S)
-    if header.time_system != "GLO":
-        return np.zeros(len(ticks), np.int64)
-    utc_s = ticks // TICKS_PER_S + float(UNIX_OF_GPS_S)  # GLONASS's time is UTC in RINEX
-    return (gps_of_utc(utc_s) + UNIX_OF_GPS_S - utc_s).astype(np.int64) * TICKS_PER_S

@@ -114,7 +114,7 @@ def test_values_too_wide_are_refused(tmp_path):
 def test_unknown_version_and_constellation_are_refused(tmp_path):
     with pytest.raises(BadInputError, match=r"RINEX version: must be 3.04 or 4.00, got '2.11'"):
         write(tmp_path, single(1.0), version="2.11")
-    with pytest.raises(BadInputError, match="satellite must be of C, E, G, J, R, got S01"):
+    with pytest.raises(BadInputError, match="satellite must be of G, R, E, C, J, got S01"):
         write(tmp_path, replace(single(1.0), satellites=("S01",)))
 
 
