@@ -54,46 +54,6 @@ _UP = {
 }
 _NO_VALUE = re.compile(r"sigma|std|sd[neuv]|acc(?:uracy)?$|err|cov|var|dop|rms|valid|status")
 _ABOVE_SEA = re.compile(r"msl|sea|geoid|undul|agl|baro|rel")
-# Units in names, by what the flight's column ends in; the first that fits counts.
-_END = r"(?:[^a-z].*)?$"
-_NOT_LETTER = r"(?:^|[^a-z])"
-_UNIT_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
-    "s": (
-        ("ns", r"(?:[^a-z]|time|stamp)n(?:s|secs?|ano\w*)" + _END),
-        ("us", r"(?:[^a-z]|time|stamp)(?:[uµμ]s(?:ecs?)?|micro\w*)" + _END),
-        ("ms", r"(?:[^a-z]|time|stamp)(?:m(?:s|secs?)|milli\w*)" + _END),
-        ("s", r"(?:^|[^a-z])s(?:ecs?|econds?)?" + _END),
-    ),
-    "mps2": (
-        ("m/s2", r"(?<![a-z])m[^a-z0-9]*(?:s|ps2)"),
-        ("mg", _NOT_LETTER + r"(?:mg|milli_?g)" + _END),
-        ("g", _NOT_LETTER + r"g(?:s|ee)?\W*$"),
-    ),
-    "radps": (
-        ("mrad/s", r"mrad|milli_?rad"),
-        ("rad/s", r"rad"),
-        ("mdeg/s", r"mdps|mdeg|milli_?deg"),
-        ("deg/s", r"dps|deg|[°º]"),
-    ),
-    "deg": (("1e-7deg", r"1?0?\^?e-?7"), ("rad", r"rad"), ("deg", r"deg|[°º]")),
-    "m": tuple(
-        (unit, rf"{_NOT_LETTER}(?:{words})\W*$")
-        for unit, words in (
-            ("mm", "mm"),
-            ("cm", "cm"),
-            ("km", "km"),
-            ("ft", "ft|feet"),
-            ("m", "m|met(?:er|re)s?"),
-        )
-    ),
-    "mps": (
-        ("mm/s", r"mm[/_p ]*s"),
-        ("cm/s", r"cm[/_p ]*s"),
-        ("km/h", r"km[/_p ]*h"),
-        ("kt", r"kts?\W*$|knots?"),
-        ("m/s", r"m[/_p ]*s"),
-    ),
-}
 _BRACKETS = re.compile(r"[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")  # [0] is an index
 _ENDING = re.compile(
     r"[_ .](?:m?dps|degps|m?deg(?:[_/]?s)?|rad(?:[_/]?s|ps)?|m?g|mps2?|m_?s2?|m_s_?2|kmh|kts?|"
@@ -274,8 +234,8 @@ def _units(
     for name, place in places.items():
         suffix = name.rsplit("_", 1)[1]
         cell = head[place].lower() if head else ""
-        for unit, pattern in _UNIT_NAMES[suffix]:
-            if suffix not in units and re.search(pattern, cell):
+        for unit, one in UNITS[suffix].items():
+            if suffix not in units and re.search(one.names, cell):
                 units[suffix] = unit
     columns = {
         suffix: x[:, [p for n, p in places.items() if n.endswith(f"_{suffix}")]]
@@ -299,7 +259,7 @@ def _imu_units(
     units["mps2"] = _GRAVITY[size]
     unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
     step = np.nanmedian(np.abs(np.diff(columns["s"][:, 0]))) if units["s"] != "date" else 0.0
-    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]] > _LONG_STEP_S)
+    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]].factor > _LONG_STEP_S)
     if columns["radps"].size and "radps" not in units:
         # Vehicles turn less than once a second but for moments: more is degrees.
         fast = np.nanpercentile(np.abs(columns["radps"]), 99) > 2 * np.pi
@@ -335,7 +295,7 @@ def _time_unit(t: FloatArray, longest_s: float) -> str:
     """Return the unit that makes steps between samples, or fixes, no longer than is usual."""
     steps = np.diff(t[np.isfinite(t)])
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit] <= longest_s]
+    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit].factor <= longest_s]
     return fits[0] if fits else "s"
 
 
@@ -347,7 +307,7 @@ def _clock(
     if unit == "date":
         is_utc = bool(time_zone(body[0][place])) or "utc" in name
         return ("utc", False) if is_utc else ("gps", "gps" not in name)
-    t_s = x[:, place] * UNITS["s"][unit]
+    t_s = x[:, place] * UNITS["s"][unit].factor
     first_s = float(t_s[np.isfinite(t_s)][0])
     if _WEEK_NAMES.fullmatch(_plain(name)) and first_s <= 604_800:
         return "week", False

@@ -129,7 +129,7 @@ def test_one_file_of_two_tables_with_empty_cells(tmp_path):
         (
             ROWS,
             IMU.replace('"g"', '"stone"'),
-            "units.mps2: must be one of m/s2, g, mg, got 'stone'",
+            "units.mps2: must be one of m/s2, mg, g, got 'stone'",
         ),
         (ROWS, IMU + IMU, "needs a [[csv]] for each of its tables in --settings, has imu, imu"),
         (

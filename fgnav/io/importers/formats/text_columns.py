@@ -105,7 +105,8 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
             )
             continue
         names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
-        assumed = table.units.get(kind, next(iter(UNITS[kind])))
+        usual = next(unit for unit, one in UNITS[kind].items() if one.factor == 1)
+        assumed = table.units.get(kind, usual)
         texts.append(
             f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; {assumed} was "
             f"assumed; units are {', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
@@ -234,7 +235,7 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
             f"number, got {quoted(got)}{mend}"
         ) from None
     kind = name.rsplit("_", 1)[1]
-    unit = UNITS.get(kind, {}).get(table.units.get(kind, ""), 1.0)
+    unit = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
     column = table.columns[name]
     negative = column < 0 if isinstance(column, int) else column.startswith("-")
     return values * (-unit if negative else unit)
