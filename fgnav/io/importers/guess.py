@@ -6,7 +6,6 @@ neither a name nor the size of the numbers determines are marked ``unconfirmed``
 
 import csv
 import re
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, RATE, VELOCITY
 from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of
+from fgnav.io.user_files import read_lines
 
 _ROWS = 20_000  # looked at
 _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
@@ -76,10 +75,7 @@ def guessed(path: Path) -> CsvTable:
     BadInputError
         If neither is found.
     """
-    with path.open("rb") as raw:
-        encoding = encoding_of(raw.read(4))
-    with path.open(encoding=encoding, errors="replace", newline="") as file:
-        lines = list(islice(file, _ROWS))
+    lines = read_lines(path)[:_ROWS]
     delimiter = _delimiter(lines)
     rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
     commas = [cell for row in rows[:200] for cell in row if delimiter != "," in cell]
@@ -132,7 +128,7 @@ def guessed(path: Path) -> CsvTable:
 
 def _delimiter(lines: list[str]) -> str:
     """Return what stands between columns: a comma only where nothing else does."""
-    text = "".join(line for line in lines[1:200] or lines if line.strip())
+    text = "".join(lines[1:200] or lines)
     return next((one for one in "\t;," if one in text), " ")
 
 

@@ -9,8 +9,6 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
-from io import TextIOWrapper
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -24,10 +22,8 @@ from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of, max_bytes, plain_name
-from fgnav.progress import report
+from fgnav.io.user_files import plain_name, read_lines
 
-_ROWS_AT_ONCE = 50_000
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
 _GRAVITY = ", or gravity is not in it"
@@ -161,34 +157,18 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str
 
     Texts are (k,) each.
     """
-    if not path.is_file():
-        raise BadInputError(f"{path}: no such file; check the name")
-    size = path.stat().st_size
-    if size > max_bytes():
-        raise BadInputError(f"{path}: has {size} bytes; FGNAV_MAX_BYTES raises the limit")
-    blocks: list[np.ndarray] = []
-    cut = 0
-    with path.open("rb") as raw:
-        encoding = encoding_of(raw.read(4))
-        raw.seek(0)
-        text = TextIOWrapper(raw, encoding=encoding, errors="replace", newline="")
-        rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
-        try:
-            for _ in range(table.skip_lines):
-                next(rows, None)
-            head = [cell.strip() for cell in next(rows, [])] if table.header else []
-            block = list(islice(rows, _ROWS_AT_ONCE))
-            width = usual_width(block)
-            places = _places(path, table, head, width)
-            while block:
-                report(raw.tell() / max(size, 1))
-                complete = [[row[k] for k in places] for row in block if len(row) == width]
-                cut += sum(0 < len(row) != width for row in block)
-                blocks.append(np.array(complete, dtype=np.str_).reshape(-1, len(places)))
-                block = list(islice(rows, _ROWS_AT_ONCE))
-        except csv.Error as error:
-            raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
-    cells = np.concatenate(blocks)
+    lines = read_lines(path)[table.skip_lines :]
+    reader = csv.reader(lines, delimiter=table.delimiter, skipinitialspace=True)
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise BadInputError(f"{path}: line {reader.line_num}: {error}") from None
+    head = [cell.strip() for cell in rows.pop(0)] if table.header and rows else []
+    width = usual_width(rows)
+    places = _places(path, table, head, width)
+    complete = [[row[k] for k in places] for row in rows if len(row) == width]
+    cut = sum(0 < len(row) != width for row in rows)
+    cells = np.array(complete, dtype=np.str_)
     names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
     unused = [name for k, name in enumerate(names) if k not in places]
     return {name: cells[:, k] for k, name in enumerate(table.columns)}, unused, cut
