@@ -102,6 +102,13 @@ def encoding_of(head: bytes) -> str:
     return "utf-16-be" if head[:1] == b"\0" and head[1:2] not in (b"", b"\0") else "utf-8-sig"
 
 
+def unmarked(content: bytes) -> bytes:
+    """Return text that begins with a byte-order mark in one byte a letter; other content as it is."""
+    if not content.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content
+    return content.decode(encoding_of(content[:4]), "replace").encode("latin-1", "replace")
+
+
 def read_lines(path: Path) -> list[str]:
     """Return the lines of a text that a program wrote, in any encoding, without their ends.
 

@@ -91,18 +91,21 @@ def test_rinex_4_record_of_a_type_that_is_not_used_is_counted(tmp_path):
 
 LINES = GOOD.splitlines(keepends=True)
 NUMBER = "must hold numbers such as -1.234567890123E-04, line 3 first"
+BEGINS = "begins with no satellite and date, line 3 first"
 SHORT = "must have 8 lines, the first with its date, line {} first"
 
 
 @pytest.mark.parametrize(
     ("text", "rule", "left"),
     [
-        (GOOD.replace("G05 2020", "??5 2020"), "begins with no satellite and date, line 3", "G07"),
+        (GOOD.replace("G05 2020", "??5 2020"), BEGINS, "G07"),
         (GOOD.replace("G05 2020 06", "G05 2020 16"), "must have a date, line 3 first", "G07"),
         ("".join(LINES[:-1]), SHORT.format(11), "G05"),
         ("".join(LINES[:4] + LINES[5:]), SHORT.format(3), "G07"),
         ("".join(LINES[:4] + LINES[3:]), SHORT.format(3), "G07"),
-        (GOOD[:-4], SHORT.format(11), "G05"),
+        (GOOD[: GOOD.rindex("3.456000000000E+05") + 5], NUMBER.replace("3 first", "11 first"), "G05"),
+        (GOOD[: GOOD.rindex("G07") + 2], BEGINS.replace("3 first", "11 first"), "G05"),
+        (GOOD.replace("-8.139900000000E-09", "-8.1399000000000000E-09", 1), NUMBER, "G07"),
         (GOOD.replace("5.154800000000E+03", "5.15480000x000E+03", 1), NUMBER, "G07"),
         (GOOD.replace("5.154800000000E+03", " " * 18, 1), NUMBER, "G07"),
         (navigation_head("4.00") + "> EPH G06 LNAV\n> EPH G07 LNAV\n" + message("G07"),

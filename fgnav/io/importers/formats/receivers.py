@@ -20,7 +20,7 @@ from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
-from fgnav.io.user_files import read_bytes
+from fgnav.io.user_files import read_bytes, unmarked
 
 _MISSING = {"antenna.position_b_m": "where the antenna sits in the body is in no file: state it"}
 _OBSERVED = {  # kinds of raw observations
@@ -46,7 +46,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
     BadInputError
         If it has neither a solution nor observations.
     """
-    content = read_bytes(path)
+    content = unmarked(read_bytes(path))
     solution, stated = Solution(), list[tuple[str, str, Any]]()
     others, size = Counter[tuple[str, int, str]](), 0
     for one in messages(content):
