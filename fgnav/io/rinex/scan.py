@@ -294,7 +294,8 @@ def scan(body: Body, found: Found) -> IntArray:
             fault[0], fault[1], fault[2] = rule, at, column
             faults += 1
         else:
-            found.epochs[epochs] = mark
+            for k in range(4):  # to assign a row would compile the texts of its errors, too
+                found.epochs[epochs, k] = mark[k]
             epochs += 1
             records += mark[ANNOUNCED]
         line = ahead
