@@ -103,7 +103,7 @@ def encoding_of(head: bytes) -> str:
 
 
 def unmarked(content: bytes) -> bytes:
-    """Return text that begins with a byte-order mark in one byte a letter; other content as it is."""
+    """Return text with a byte-order mark in one byte a letter; other content as it is."""
     if not content.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content
     return content.decode(encoding_of(content[:4]), "replace").encode("latin-1", "replace")

@@ -103,7 +103,7 @@ SHORT = "must have 8 lines, the first with its date, line {} first"
         ("".join(LINES[:-1]), SHORT.format(11), "G05"),
         ("".join(LINES[:4] + LINES[5:]), SHORT.format(3), "G07"),
         ("".join(LINES[:4] + LINES[3:]), SHORT.format(3), "G07"),
-        (GOOD[: GOOD.rindex("3.456000000000E+05") + 5], NUMBER.replace("3 first", "11 first"), "G05"),
+        (GOOD[: GOOD.rindex("3.456") + 5], NUMBER.replace("3 first", "11 first"), "G05"),
         (GOOD[: GOOD.rindex("G07") + 2], BEGINS.replace("3 first", "11 first"), "G05"),
         (GOOD.replace("-8.139900000000E-09", "-8.1399000000000000E-09", 1), NUMBER, "G07"),
         (GOOD.replace("5.154800000000E+03", "5.15480000x000E+03", 1), NUMBER, "G07"),
