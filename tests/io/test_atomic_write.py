@@ -11,15 +11,8 @@ from fgnav.io.atomic_write import (
     atomic_folder,
     check_folder,
     check_place,
-    made_folder,
     write_text,
 )
-
-
-def test_a_file_appears_whole(tmp_path):
-    write_text(tmp_path / "a.txt", "all of it")
-    assert (tmp_path / "a.txt").read_text() == "all of it"
-    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
 
 def test_an_error_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -45,13 +38,6 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
         check_place(tmp_path / "absent" / "a.txt")
     with pytest.raises(BadInputError, match="is a folder; name a file"):
         check_place(tmp_path / "folder")
-
-
-def test_folders_are_made_and_a_file_in_their_place_is_named(tmp_path):
-    assert made_folder(tmp_path / "a" / "b").is_dir()
-    (tmp_path / "file").write_text("")
-    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
-        made_folder(tmp_path / "file")
 
 
 def test_a_full_disk_is_named_with_file_and_folder(tmp_path):

@@ -6,7 +6,6 @@ import json
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, from_euler, to_euler
 from fgnav.io.exports.tables import (
@@ -87,25 +86,6 @@ def test_columns_of_what_is_not_estimated_are_absent(tmp_path):
     got = read(tmp_path / ESTIMATE)
     assert list(got) == ["t_s", "roll_deg", "pitch_deg", "yaw_deg"]
     np.testing.assert_allclose(np.radians(columns(got, "yaw_deg")[:, 0]), to_euler(want.R_nb)[:, 2])
-
-
-def test_file_is_replaced_whole_and_nothing_else_is_left(tmp_path, monkeypatch):
-    path = tmp_path / ESTIMATE
-    path.write_text("old")
-
-    def fail(*_: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr("fgnav.io.exports.tables.write_table", fail)
-    with pytest.raises(BadInputError, match=r"estimate\.csv: cannot be written: disk full"):
-        write_outcome(tmp_path, estimate(np.random.default_rng(1)), ORIGIN, {})
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"summary\.json: cannot be written: No such file"):
-        write_outcome(tmp_path / "none", estimate(np.random.default_rng(1)), ORIGIN, {})
 
 
 def test_a_summary_speaks_of_the_estimate_beside_it(tmp_path):

@@ -7,15 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fgnav.checks import BadInputError, quoted
+from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import read_toml
 from fgnav.io.user_files import max_bytes, read_bytes, unpacked
-
-
-def test_a_file_within_its_bounds_is_read(tmp_path):
-    (tmp_path / "a").write_bytes(b"abc")
-    assert read_bytes(tmp_path / "a") == b"abc"
-    assert read_bytes(tmp_path / "a", 3) == b"abc"
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
@@ -106,10 +100,3 @@ def test_hostile_toml_is_refused_in_a_line(tmp_path, text, rule):
     with pytest.raises(BadInputError, match=rule) as caught:
         read_toml(path)
     assert len(str(caught.value)) < 300
-
-
-def test_quotes_are_short_and_printable():
-    assert quoted("a") == "'a'"
-    assert quoted("\x1b[31m") == "'\\x1b[31m'"
-    assert len(quoted("x" * 1000)) == 80
-    assert quoted("x" * 1000).endswith("...")

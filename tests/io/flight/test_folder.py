@@ -10,7 +10,7 @@ from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
-from tests.io.flights import START_GPS_S, whole_flight
+from tests.io.flights import whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
 UM = 1e-6
@@ -112,15 +112,6 @@ def test_antenna_names_that_are_no_file_names_are_written(saved):
     assert {"a1.rnx", "antenna-2.rnx", "base.rnx", "antenna-3.rnx"} <= names
 
 
-def test_folder_and_its_toml_are_the_same_flight(tmp_path):
-    write(tmp_path, PLAIN)
-    assert load_flight(tmp_path).name == load_flight(str(tmp_path / "flight.toml")).name == "plain"
-
-
-def test_what_made_the_truth_is_kept(saved):
-    assert saved[1].truth.source == saved[0].truth.source == "filter"
-
-
 def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
     flight, _, folder = saved
     row = np.loadtxt(folder / "truth.csv", delimiter=",", skiprows=1)[3]
@@ -165,13 +156,6 @@ ANTENNA = '[[antenna]]\nname = "{0}"\nposition_b_m = [0, 0, 0]\nobservations = "
 TWO = ANTENNA.format("a") + ANTENNA.format("b")
 GNSS = '[gnss]\nnavigation = ["n.rnx"]\n'
 FILES = {"a_rnx": observation_3(), "b_rnx": observation_3(), "n_rnx": navigation_head() + message()}
-
-
-def test_two_antennas_and_their_losses_are_read(tmp_path):
-    got = load_flight(write(tmp_path, PLAIN + TWO + GNSS, **FILES))
-    assert got.start_gps_s == START_GPS_S
-    assert got.observations.code_m.shape == (4, 2, 10)
-    assert got.losses == ()
 
 
 @pytest.mark.parametrize(
@@ -232,13 +216,6 @@ def load_flight_of(folder):
     return load_flight(write(folder, PLAIN))
 
 
-def test_empty_folder_is_taken(tmp_path):
-    flight = load_flight_of(tmp_path / "source")
-    (tmp_path / "empty").mkdir()
-    save_flight(flight, tmp_path / "empty")
-    assert load_flight(tmp_path / "empty").name == "plain"
-
-
 def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise BadInputError("disk full")
@@ -247,12 +224,6 @@ def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, mon
     with pytest.raises(BadInputError, match="disk full"):
         save_flight(saved[0], tmp_path / "deep" / "new")
     assert list((tmp_path / "deep").iterdir()) == []
-
-
-def test_place_that_cannot_be_made_is_named(saved, tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
-        save_flight(saved[0], tmp_path / "file" / "new")
 
 
 def test_same_flight_gives_the_same_bytes(saved, tmp_path):
@@ -323,11 +294,3 @@ def test_a_series_of_another_week_is_refused(copy):
 def test_the_files_of_a_flight_are_listed(copy):
     names = {path.name for path in files_of(copy)}
     assert names == {path.name for path in copy.iterdir()}
-
-
-@pytest.mark.parametrize("text", ["a\rb", "a\0b", "\x1b[31m"])
-def test_control_characters_in_integers_are_named(copy, text):
-    path = copy / "integers.csv"
-    path.write_text(path.read_text().replace("a1", text, 1))
-    with pytest.raises(BadInputError, match=r"integers\.csv: line 2: must be plain text"):
-        load_flight(copy)

@@ -39,18 +39,6 @@ def test_a_flight_keeps_its_integers_and_names_the_file(tmp_path):
     same(load_flight(tmp_path / "flight").truth.integers, flight.truth.integers)
 
 
-def test_a_flight_without_integers_is_as_before(tmp_path):
-    save_flight(whole_flight(np.random.default_rng(1)), tmp_path / "flight")
-    toml = tmp_path / "flight" / "flight.toml"
-    toml.write_text(toml.read_text().replace('integers = "integers.csv"\n', ""))
-    assert load_flight(tmp_path / "flight").truth.integers is None
-
-
-def test_no_rows_are_no_integers(tmp_path):
-    (tmp_path / "i.csv").write_text(HEAD)
-    assert read_integers(tmp_path / "i.csv").links == ()
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -86,14 +74,3 @@ def test_missing_file_and_unknown_antenna_are_named(tmp_path):
     path.unlink()
     with pytest.raises(BadInputError, match=r"integers.csv"):
         load_flight(tmp_path / "flight")
-
-
-def test_columns_of_different_lengths_are_refused():
-    with pytest.raises(BadInputError, match="1 antennas, 2 satellites and 1 signals must be"):
-        LinkIntegers(
-            antennas=("a1",),
-            satellites=("G01", "G02"),
-            signals=("1C",),
-            from_s=np.zeros(1),
-            cycles=np.zeros(1),
-        )

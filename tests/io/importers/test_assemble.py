@@ -50,22 +50,6 @@ def fixes(tmp_path, **changes):
     return Recording(source=tmp_path / "b", tables={"fixes": table}, **changes)
 
 
-def test_the_car_of_two_files_is_one_flight(shared, tmp_path):
-    folder = shared / "flights" / "drive_0708"
-    (tmp_path / "s.toml").write_text(CAR)
-    files = [str(folder / name) for name in ("imu_1934.csv", "gnss_1934_sf.pos")]
-    words = ["--settings", str(tmp_path / "s.toml"), "--out", str(tmp_path / "flight")]
-    assert main(["import", *files, *words]) == 0
-    from fgnav.io.flight.folder import load_flight
-
-    flight = load_flight(tmp_path / "flight")
-    still = flight.imu.t_s < 30
-    down = flight.imu.f_b_mps2[still].mean(axis=0)
-    assert down[2] == pytest.approx(-9.80665, abs=0.2)
-    assert flight.antennas[0].name == flight.fixes[0].antenna == "roof"
-    assert (flight.imu.t_s[0], flight.fixes[0].t_s[0]) == (0, 0)
-
-
 def test_a_dated_unit_stays_where_it_was(tmp_path):
     whole = whole_of(
         [unit(tmp_path, gps_start_s=1000.25), fixes(tmp_path, gps_start_s=1000.0)], Settings()
@@ -81,14 +65,6 @@ def test_a_clock_of_its_own_starts_with_the_flight_and_that_is_said(tmp_path):
     whole = whole_of([*files, fixes(tmp_path, gps_start_s=1000.0)], Settings())
     np.testing.assert_allclose(whole.flight.imu.t_s, np.arange(3.0))
     assert "`fgnav check` finds it" in whole.missing["imu.clock_offset_s"]
-
-
-def test_tables_of_one_clock_of_its_own_stay_together(tmp_path):
-    both = unit(tmp_path, clock="own").tables | fixes(tmp_path).tables
-    one = Recording(source=tmp_path / "a", tables=both, clock="own")
-    whole = whole_of([one], Settings(start="2025-07-08T00:00:00"))
-    assert (whole.flight.imu.t_s[0], whole.flight.fixes[0].t_s[0]) == (-3, 0)
-    assert "imu.clock_offset_s" not in whole.missing
 
 
 def test_clocks_of_two_receivers_that_may_differ_are_said(tmp_path):
@@ -113,14 +89,6 @@ def test_rows_whose_time_does_not_increase_are_left_out(tmp_path):
     lost = {loss.reason: loss.count for loss in whole.losses}
     assert lost["its time does not increase (a)"] == 2
     assert lost["a value is missing, or no instrument has it (a)"] == 1
-
-
-def test_fixes_without_a_spread_are_left_out(tmp_path):
-    table = dict(fixes(tmp_path).tables["fixes"])
-    table |= {f"sigma_{axis}_m": np.array([1.0, 1.0, 0.0, 1.0, 1.0]) for axis in "ned"}
-    whole = whole_of([Recording(source=tmp_path / "b", tables={"fixes": table})], Settings())
-    assert len(whole.flight.fixes[0].t_s) == 4
-    assert [loss.count for loss in whole.losses] == [1]
 
 
 def test_what_no_flight_can_have_is_refused(tmp_path):

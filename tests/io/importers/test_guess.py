@@ -115,13 +115,6 @@ def test_clocks_are_in_names_and_dates(tmp_path, head, first, clock):
     assert table(tmp_path, f"{head},lat,lon,alt", rows).clock == clock
 
 
-def test_zones_are_taken_off(tmp_path):
-    rows = [f"2025-07-08T12:00:0{k}+02:00,40,-4,700" for k in range(5)]
-    found = table(tmp_path, "time,lat,lon,alt", rows)
-    recording = read_csv(tmp_path / "a.csv", Settings(csv=(found,)), tmp_path)
-    assert recording.gps_start_s == 2374 * 604_800 + 208_818
-
-
 @pytest.mark.parametrize(
     ("head", "row", "text"),
     [

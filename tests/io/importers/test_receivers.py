@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from fgnav.cli import main
-from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.streams import messages
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
 from tests.io.importers.helpers import refused, whole_of
-from tests.io.rinex_texts import message, navigation_head, observation_3
+from tests.io.rinex_texts import message, navigation_head
 
 WEEK, TOW_S = 2111, 345_600.0  # 2020-06-25T00:00:00
 START_GPS_S = WEEK * 604800 + TOW_S
@@ -137,24 +136,6 @@ def test_codes_and_the_phases_beside_them_come_out(tmp_path, name, made):
     np.testing.assert_allclose(phase, np.tile(beside_cycles, (10, 1)), rtol=0, atol=0.02)
 
 
-def test_receivers_of_one_name_are_two_antennas(tmp_path):
-    files = []
-    for side in ("left", "right"):
-        (tmp_path / side).mkdir()
-        files.append(tmp_path / side / "rover.ubx")
-        files[-1].write_bytes(ubx())
-    (tmp_path / "brdc.nav").write_text(navigation_head() + message())
-    out = tmp_path / "flight"
-    assert main(["import", *map(str, files), str(tmp_path / "brdc.nav"), "--out", str(out)]) == 0
-    assert load_flight(out).observations.tag_s.shape == (10, 2)
-
-
-def test_rtcm_needs_a_date_for_its_week(tmp_path, capsys):
-    (tmp_path / "rover.rtcm3").write_bytes(rtcm3())
-    line = refused(capsys, tmp_path, tmp_path / "rover.rtcm3")
-    assert "RTCM 3 has no week; state start in --settings" in line
-
-
 @pytest.mark.parametrize("name", ["ubx", "sbf", "novatel"])
 def test_a_file_without_observations_is_one_line(tmp_path, capsys, name):
     made = {"ubx": ubx, "sbf": sbf, "novatel": novatel}[name]()
@@ -204,20 +185,6 @@ def test_a_receivers_file_with_navigation_becomes_a_flight(tmp_path, capsys):
     text = (tmp_path / "flight" / "flight.toml").read_text()
     assert 'observations = "rover.obs"' in text
     assert 'navigation = ["brdc.nav"]' in text
-
-
-def test_rinex_is_copied_as_it_is_and_a_damaged_one_is_refused(tmp_path, capsys):
-    (tmp_path / "a.obs").write_text(observation_3())
-    (tmp_path / "n.nav").write_text(navigation_head() + message())
-    files = [str(tmp_path / name) for name in ("a.obs", "n.nav")]
-    assert main(["import", *files, "--out", str(tmp_path / "flight")]) == 0
-    assert (tmp_path / "flight" / "a.obs").read_text() == observation_3()
-    (tmp_path / "n.nav").write_text((navigation_head() + message())[:-30])
-    capsys.readouterr()
-    assert main(["import", *files, "--out", str(tmp_path / "other")]) == 2
-    line = capsys.readouterr().err
-    assert line.startswith(f"fgnav: {tmp_path / 'n.nav'}: ")
-    assert not (tmp_path / "other").exists()
 
 
 def test_without_a_place_in_the_header_code_tells_the_origin(shared, tmp_path):

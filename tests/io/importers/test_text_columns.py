@@ -67,15 +67,6 @@ def test_columns_by_name_dates_and_a_velocity_up(tmp_path):
     assert flight.fixes[0].unstated == ("position", "velocity")
 
 
-def test_utc_is_eighteen_seconds_behind_gps_since_2017(tmp_path):
-    file = tmp_path / "track.csv"
-    file.write_text(TRACK)
-    _, gps = imported(tmp_path, "csv", file, toml=FIXES)
-    (tmp_path / "utc").mkdir()
-    _, utc = imported(tmp_path / "utc", "csv", file, toml=FIXES.replace('"gps"', '"utc"'))
-    assert utc.start_gps_s - gps.start_gps_s == 18
-
-
 def test_a_start_dates_a_clock_of_its_own(tmp_path):
     file = tmp_path / "imu.csv"
     file.write_text(ROWS)

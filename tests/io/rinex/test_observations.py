@@ -86,15 +86,6 @@ def test_header_that_announces_a_later_end_is_a_counted_loss():
     assert "may be cut" in loss.reason
 
 
-@pytest.mark.parametrize(
-    ("interval", "count"), [("     0.500", 18), ("     1.000", 9), ("          ", 1), ("  -1", 1)]
-)
-def test_a_file_cut_after_its_first_epoch_counts_its_loss_by_its_interval(interval, count):
-    last = line("  2020     6    25     0     0    9.0000000     GPS", "TIME OF LAST OBS")
-    text = head_3(extra=last + line(interval, "INTERVAL")) + epoch_3(0)
-    assert [loss.count for loss in read(text).losses if loss.what == "a.rnx epoch"] == [count]
-
-
 EVENT_4 = f"> {'':29s}4  1\n" + line("a remark", "COMMENT")
 EVENT_6 = epoch_3(2, flag=6, satellites=SATELLITES[:2])
 
@@ -114,15 +105,6 @@ def test_events_are_passed_over_and_counted(event, what, count):
     assert (what, count) in [(loss.what, loss.count) for loss in got.losses]
 
 
-def test_events_of_rinex_2_are_passed_over():
-    text = observation_2()
-    body = text.index(" 20  6 25  0  0  1")
-    event = f"{'':28s}4  1\n" + line("a remark", "COMMENT")
-    got = read(text[:body] + event + text[body:])
-    assert len(got.t_s) == 3
-    assert got.losses[0].what == "event 4 record"
-
-
 def test_numbers_of_epochs_that_are_not_adjusted_are_read():
     for old, new in (("  0  5\n", "  0 5\n"), ("  0  5\n", "  0 5       -0.123456789012\n")):
         np.testing.assert_array_equal(read(GOOD.replace(old, new)).code_m, read(GOOD).code_m)
@@ -138,16 +120,6 @@ def test_phases_of_half_wavelengths_have_half_cycles():
     assert {pair for pair, flag in flags.items() if flag & HALF_CYCLE} == {
         *(("G01", "2W"), ("G03", "2W")),
     }
-
-
-@pytest.mark.parametrize("label", ["MARKER NAME", "ANTENNA: DELTA H/E/N", "APPROX POSITION XYZ"])
-def test_a_new_site_in_a_kinematic_file_is_counted(label):
-    event = f"> {'':29s}3  1\n" + line("X", label)
-    got = read(head_3() + epoch_3(0) + event + epoch_3(1))
-    assert len(got.t_s) == 2
-    assert [(one.what, one.reason) for one in got.losses] == [
-        ("event 3 record", "new site: not used")
-    ]
 
 
 def test_header_lines_inside_may_repeat_the_types():

@@ -7,16 +7,11 @@ import pytest
 from hatanaka import crx2rnx
 
 from fgnav.checks import BadInputError
-from fgnav.io.rinex.reader import read_navigation, read_rinex
+from fgnav.io.rinex.reader import read_rinex
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
 from tests.io.rinex_texts import (
-    SATELLITES,
     epoch_3,
     head_3,
-    line,
-    message,
-    navigation_head,
-    observation_2,
     observation_3,
     values_3,
 )
@@ -64,18 +59,6 @@ def test_every_version_of_rinex_3_and_4_reads_the_same(tmp_path, version):
     np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
 
 
-def test_rinex_2_is_read_with_rinex_3_signals(tmp_path):
-    got = read(tmp_path, observation_2(epochs=3, satellites=30))
-    assert got.code_m.shape == (3, 1, 60)
-    assert set(got.signals) == {"1C", "2W"}
-    m = list(zip(got.satellites, got.signals, strict=True)).index(("G14", "2W"))
-    assert got.code_m[2, 0, m] == 2.2e7 + 13 + 3 + 0.25
-    assert got.phase_cycles[2, 0, m] == 9e7 + 13 + 0.25
-    m = got.satellites.index("G14")
-    assert got.doppler_hz[2, 0, m] == -1234.5 + 13 + 0.25
-    assert got.cn0_dbhz[2, 0, m] == 45.5
-
-
 @pytest.mark.parametrize(("system", "later_s"), [("GAL", 0), ("QZS", 0), ("BDT", 14), ("GLO", 18)])
 def test_other_time_systems_become_gps_time(tmp_path, system, later_s):
     got = read(tmp_path, observation_3(system=system))
@@ -107,23 +90,6 @@ def test_half_cycle_flag_and_flag_without_phase_survive(tmp_path):
     assert got.lock_flags[0, 0, 3] == LOST_LOCK
 
 
-def test_phase_without_code_is_kept(tmp_path):
-    text = observation_3()
-    first = text.index("\nG05") + 1
-    got = read(tmp_path, text[: first + 3] + " " * 16 + text[first + 19 :])
-    assert np.isnan(got.code_m[0, 0, 3])
-    assert np.isfinite(got.phase_cycles[0, 0, 3])
-
-
-def test_events_leave_epochs_as_they_stand(tmp_path):
-    remark = f"> {'':29s}4  1\n" + line("a remark", "COMMENT")
-    event = "> 2020 06 25 00 00 01.5000000  5  0\n"
-    slips = epoch_3(2, flag=6, satellites=SATELLITES[:2])
-    epochs = [epoch_3(k) for k in range(5)]
-    text = head_3() + epochs[0] + remark + epochs[1] + event + slips + "".join(epochs[2:])
-    assert_as_it_stands(read(tmp_path, text), head_3() + "".join(epochs))
-
-
 def test_epoch_without_satellites_is_an_epoch_of_gaps(tmp_path):
     got = read(tmp_path, head_3() + epoch_3(0) + epoch_3(1, satellites=()) + epoch_3(2))
     assert got.t_s.tolist() == [0, 1, 2]
@@ -142,22 +108,6 @@ def test_signals_that_are_wanted_are_kept_and_no_others(tmp_path):
     text = "key gnss.signals: no E signal 8X was observed; there are C 2I, E 1X, E 5X, G 1C, G 2W, "
     with pytest.raises(BadInputError, match=text):
         read_rinex([], [tmp_path / "a.rnx"], START_GPS_S, {"E": ["8X"]})
-
-
-def test_messages_and_receivers_read_together_are_those_read_apart(tmp_path):
-    messages, receivers = (
-        [tmp_path / f"{k}.20n" for k in "ab"],
-        [tmp_path / f"{k}.rnx" for k in "ab"],
-    )
-    for path, satellite in zip(messages, ("G05", "G07"), strict=True):
-        path.write_text(navigation_head() + message(satellite))
-    for path, epochs in zip(receivers, (4, 6), strict=True):
-        path.write_text(observation_3(epochs=epochs))
-    broadcast, observations = read_rinex(messages, receivers, START_GPS_S)
-    apart = read_navigation(messages, START_GPS_S)
-    np.testing.assert_array_equal(broadcast.records, apart.records)
-    for got, want in zip(observations, read_rinex([], receivers, START_GPS_S)[1], strict=True):
-        np.testing.assert_array_equal(got.phase_cycles, want.phase_cycles)
 
 
 def test_satellite_of_another_number_is_a_counted_loss(tmp_path):
@@ -183,11 +133,3 @@ def test_real_1_hz_file_is_read_as_it_stands(shared):
     records = sum(tracked[:, of == name].any(axis=1).sum() for name in satellites)
     assert records == 7714  # grep -c ^R of the plain file, less the header
     assert losses["SBAS observation"] == 900
-
-
-@pytest.mark.parametrize("name", ["WTZR", "WTZZ"])
-def test_real_30_s_files_are_read_as_they_stand(shared, name):
-    path = next((shared / "wettzell").glob(f"{name}*.rnx"))
-    got = read_rinex([], [path], START_GPS_S)[1][0]
-    assert got.t_s.tolist() == [30.0 * k for k in range(120)]
-    assert_as_it_stands(got, path.read_text())

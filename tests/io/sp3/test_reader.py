@@ -140,11 +140,6 @@ def test_faults_of_a_header_are_named(tmp_path, text, damage, rule):
         read(tmp_path, damage(text))
 
 
-def test_empty_list_of_files_is_named():
-    with pytest.raises(BadInputError, match="orbits: must name a file"):
-        read_precise([], START_GPS_S)
-
-
 def test_real_file_is_read_as_it_stands(shared):
     path = shared / "orbits" / "COD0MGXFIN_20201770000_01D_05M_ORB.SP3"
     got = read_precise([path], START_GPS_S)
