@@ -4,10 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError, Loss
-from fgnav.io.antennas import (
-    merge,
-    nominal_epochs,
-)
+from fgnav.io.antennas import merge, nominal_epochs
 from fgnav.types.observations import Observations
 
 START_GPS_S = 1_277_078_400.5

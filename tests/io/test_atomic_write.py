@@ -6,13 +6,7 @@ import sys
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.atomic_write import (
-    atomic_file,
-    atomic_folder,
-    check_folder,
-    check_place,
-    write_text,
-)
+from fgnav.io.atomic_write import atomic_file, atomic_folder, check_folder, check_place, write_text
 
 
 def test_an_error_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path):

@@ -8,11 +8,7 @@ import pytest
 
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, from_euler, to_euler
-from fgnav.io.exports.tables import (
-    ESTIMATE,
-    SUMMARY,
-    write_outcome,
-)
+from fgnav.io.exports.tables import ESTIMATE, SUMMARY, write_outcome
 from fgnav.io.flight.columns import EULER, EULER_SIGMA, PLACE, VELOCITY
 from fgnav.io.flight.local_frame import attitude_to_n, place_to_n, velocity_to_n
 from fgnav.types.estimate import Estimate

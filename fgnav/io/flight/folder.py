@@ -15,22 +15,12 @@ from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.series import Surroundings, read_record
 from fgnav.io.flight.times import check_times
-from fgnav.io.flight.toml import (
-    FlightTable,
-    GnssTable,
-    VehicleTable,
-)
+from fgnav.io.flight.toml import FlightTable, GnssTable, VehicleTable
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
 from fgnav.io.toml_writer import write_toml
-from fgnav.types.flight import (
-    Antenna,
-    Base,
-    Flight,
-    GnssNoise,
-    InitialAttitude,
-)
+from fgnav.types.flight import Antenna, Base, Flight, GnssNoise, InitialAttitude
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
@@ -238,11 +228,7 @@ def _rinex(
     if base is None:
         return broadcast, observations, None
     position_e_m = np.array(base.position_e_m)
-    return (
-        broadcast,
-        observations,
-        Base(position_e_m=position_e_m, observations=receivers[-1]),
-    )
+    return (broadcast, observations, Base(position_e_m=position_e_m, observations=receivers[-1]))
 
 
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:

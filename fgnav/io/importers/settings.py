@@ -64,13 +64,7 @@ UNITS: dict[str, dict[str, Unit]] = {
         "kt": Unit(1852 / 3600, r"kts?\W*$|knots?"),
         "m/s": Unit(1.0, r"m[/_p ]*s"),
     },
-    "ut": {
-        "uT": Unit(1.0),
-        "nT": Unit(1e-3),
-        "T": Unit(1e6),
-        "G": Unit(100.0),
-        "mG": Unit(0.1),
-    },
+    "ut": {"uT": Unit(1.0), "nT": Unit(1e-3), "T": Unit(1e6), "G": Unit(100.0), "mG": Unit(0.1)},
 }
 
 

@@ -14,13 +14,7 @@ from fgnav.io.antennas import nominal_epochs
 from fgnav.io.gps_time import TICKS_PER_S, gps_of, to_ticks
 from fgnav.io.rinex.constellations import CONSTELLATIONS
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.losses import (
-    Counts,
-    count_end,
-    count_events,
-    count_faults,
-    count_satellites,
-)
+from fgnav.io.rinex.losses import Counts, count_end, count_events, count_faults, count_satellites
 from fgnav.io.rinex.scan import A_LINE, FLAG, TICKS, Body, Found, line_ends, scan
 from fgnav.io.rinex.signals import Wanted, fields_of, is_kept
 from fgnav.io.rinex.text import Bytes

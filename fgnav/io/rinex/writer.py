@@ -188,11 +188,7 @@ def _head(
 
 
 def write_navigation(
-    path: Path,
-    broadcast: BroadcastOrbits,
-    *,
-    start_gps_s: float,
-    version: RinexVersion = "3.04",
+    path: Path, broadcast: BroadcastOrbits, *, start_gps_s: float, version: RinexVersion = "3.04"
 ) -> None:
     """Write broadcast messages of GPS, Galileo, BeiDou and QZSS.
 

@@ -264,11 +264,7 @@ def test_more_rows_than_were_written_are_refused(copy):
 @pytest.mark.parametrize(
     ("name", "shift_s", "text"),
     [
-        (
-            "imu.csv",
-            604_800.0,
-            r"imu: row 7 of the samples has 604801\.5 s after 1\.25 s",
-        ),
+        ("imu.csv", 604_800.0, r"imu: row 7 of the samples has 604801\.5 s after 1\.25 s"),
         ("magnetometer.csv", 5e9, r"magnetometer: row 7 of the samples has 5"),
     ],
 )

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.flight.toml import (
-    gps_date,
-    gps_seconds,
-    read_flight_toml,
-)
+from fgnav.io.flight.toml import gps_date, gps_seconds, read_flight_toml
 from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import InitialAttitude
 

@@ -79,11 +79,7 @@ def test_the_first_unit_and_fixes_come_out_as_logged(tmp_path):
     np.testing.assert_allclose(flight.fixes[0].position_sigma_m[0], [1.5, 1.5, 2.5])
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps[0], [0.25] * 3)
     lost = {loss.reason: loss.count for loss in whole.losses}
-    assert lost == {
-        "has no height (Status)": 1,
-        "of another instance": 100,
-        "of no fix's time": 1,
-    }
+    assert lost == {"has no height (Status)": 1, "of another instance": 100, "of no fix's time": 1}
 
 
 def test_a_log_of_2014_counts_milliseconds(tmp_path):

@@ -70,7 +70,7 @@ def test_numbers_may_touch_and_lack_their_leading_zero():
 def test_zero_and_blank_count_as_missing():
     got = read(lines_with(9, "G05" + f"{0:14.3f}  " + " " * 16 + f"{5:14.3f}" + "\n"))
     assert [values(got, "G", name)["1C"] for name in ("code_m", "phase_cycles", "doppler_hz")] == [
-        *(7, 7, 8),
+        *(7, 7, 8)
     ]
 
 
@@ -118,7 +118,7 @@ def test_phases_of_half_wavelengths_have_half_cycles():
         zip(zip(got.satellites, got.signals, strict=True), got.lock_flags[0, 0], strict=True)
     )
     assert {pair for pair, flag in flags.items() if flag & HALF_CYCLE} == {
-        *(("G01", "2W"), ("G03", "2W")),
+        *(("G01", "2W"), ("G03", "2W"))
     }
 
 

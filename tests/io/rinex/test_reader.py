@@ -9,12 +9,7 @@ from hatanaka import crx2rnx
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK
-from tests.io.rinex_texts import (
-    epoch_3,
-    head_3,
-    observation_3,
-    values_3,
-)
+from tests.io.rinex_texts import epoch_3, head_3, observation_3, values_3
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25
 FIELDS = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
@@ -100,7 +95,7 @@ def test_signals_that_are_wanted_are_kept_and_no_others(tmp_path):
     (tmp_path / "a.rnx").write_text(observation_3())
     (got,) = read_rinex([], [tmp_path / "a.rnx"], START_GPS_S, {"G": ["2W"], "E": ["5X"]})[1]
     assert set(zip(got.satellites, got.signals, strict=True)) == {
-        *(("G05", "2W"), ("G12", "2W"), ("E07", "5X")),
+        *(("G05", "2W"), ("G12", "2W"), ("E07", "5X"))
     }
     assert_as_it_stands(got, observation_3())
     lost = {one.what: one.count for one in got.losses}

@@ -69,10 +69,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
     counts, rows_by_kind = Counter[tuple[str, str]](), dict[str, list[Any]]()
-    with (
-        foreign(path, "a bag"),
-        highlevel.AnyReader([path], default_typestore=types) as bag,
-    ):
+    with foreign(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
         kinds = _chosen(path, bag, settings, counts)
         chosen = [one for one in bag.connections if one.topic in kinds]
         total = sum(one.msgcount for one in chosen)
