@@ -66,7 +66,8 @@ _BEGIN = {
     3: re.compile(r"([A-Z][ \d]\d) ?" + _DATE.format(year=r"\d{4}")),
     4: re.compile(r"> (\w{3}) ([A-Z][ \d]{2}) ?(\w*)"),
 }
-_NUMBER = re.compile(r" *[-+]?\d*\.\d+[DEde][-+]\d\d *")  # else columns were lost or put in
+# Of a field's width: else columns were lost or put in.
+_NUMBER = re.compile(r"(?=.{19}$) *[-+]?\d*\.\d+[DEde][-+]\d\d *")
 
 
 class _Message(NamedTuple):
@@ -95,6 +96,9 @@ def to_broadcast(
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
         messages += _messages(header, body, counts)
+        if not (body.endswith("\n") or any(what == "broadcast message" for what, _ in counts)):
+            reason = "the last line has no line end: it may be cut"
+            counts[f"{header.path.name} line end", reason] = 1
         models += [one for one in [_klobuchar(header, body)] if one.any()]
     what = "broadcast message"
     records = np.zeros(0, EPHEMERIS_DTYPE)
@@ -105,7 +109,8 @@ def to_broadcast(
         records, repeated = _each_once(records[possible])
         counts[what, "repeated"] += repeated
     if not len(records):
-        reason = next(iter(f"{what}: {why}" for what, why in counts), "the file has no message")
+        broken = (f"{what}: {why}" for (what, why), n in counts.items() if n)
+        reason = next(broken, "the file has no message")
         raise BadInputError(
             f"{headers[0].path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none; "
             f"{reason}"
@@ -155,7 +160,7 @@ def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
             lines = []
         if line.strip():
             first = first if lines else number
-            lines.append(line.rstrip())
+            lines.append(line)
     if lines:
         yield first, lines
 
