@@ -65,9 +65,9 @@ def baseline_of(
     """
     R_nl = _local_axes(origin, fixes, samples["t_s"])
     _check(samples, where)
-    if HEADING[0] in samples:
+    if keys.heading_offset_deg is not None and HEADING[0] in samples:
         samples = {**samples, HEADING[0]: samples[HEADING[0]] - keys.heading_offset_deg}
-    elif keys.heading_offset_deg:
+    elif keys.heading_offset_deg is not None:
         raise BadInputError(f"{where}: line 1: heading_offset_deg needs {HEADING[0]}")
     if BASELINE[0] in samples:
         vector_l, P = _of_vector(samples, where)

@@ -98,7 +98,7 @@ class BaselineTable(Table, frozen=True, kw_only=True):
 
     samples: str
     antennas: tuple[str, str]
-    heading_offset_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] = 0.0
+    heading_offset_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
 
 
 class PhotodetectorTable(Table, frozen=True, kw_only=True):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.cli import main
-from tests.io.importers import test_ardupilot, test_pos, test_receivers, test_ros, test_ulog
+from tests.io.importers import logs, streams, test_pos
 from tests.io.importers.test_text_columns import FIXES, IMU, ROWS, TRACK
 
 EACH = 12  # damaged files
@@ -17,13 +17,13 @@ def kfgins():
 
 def bag(tmp_path, kind):
     place = tmp_path / ("log.bag" if kind == "bag" else "log")
-    test_ros.bag(place, kind)
+    logs.bag(place, kind)
     return (place if kind == "bag" else next(place.glob(f"*.{kind}"))).read_bytes()
 
 
 def ulog(_):
     pytest.importorskip("pyulog")
-    return test_ulog.log(*test_ulog.LOGS["of 2024"])
+    return logs.ulog()
 
 
 FILES = {
@@ -32,11 +32,11 @@ FILES = {
     "rover.pos": (lambda _: (test_pos.HEAD + test_pos.ROW).encode(), "", ()),
     "imu.txt": (lambda _: kfgins(), "", ("--format", "kfgins")),
     "log.ulg": (ulog, "", ("--format", "ulog")),
-    "log.BIN": (lambda _: test_ardupilot.log(), "", ()),
+    "log.BIN": (lambda _: logs.ardupilot(), "", ()),
     "a.bag": (lambda path: bag(path, "bag"), "", ("--format", "rosbag")),
     "a.mcap": (lambda path: bag(path, "mcap"), "", ("--format", "mcap")),
     "a.db3": (lambda path: bag(path, "db3"), "", ("--format", "rosbag")),
-    "rover.ubx": (lambda _: test_receivers.ubx(), "", ("--format", "ubx")),
+    "rover.ubx": (lambda _: streams.raw_ubx(), "", ("--format", "ubx")),
 }
 
 
