@@ -9,7 +9,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import read_toml
-from fgnav.io.user_files import max_bytes, read_bytes, unpacked
+from fgnav.io.user_files import read_bytes, unpacked
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
@@ -44,17 +44,6 @@ def test_holes_of_a_sparse_file_are_refused_and_not_read(tmp_path):
     os.truncate(tmp_path / "c.gz", 1 << 31)
     with pytest.raises(BadInputError, match=r"c\.gz: must be text, got a NUL as byte"):
         read_bytes(tmp_path / "c.gz", is_text=True)
-
-
-@pytest.mark.parametrize("text", ["", "0", "-1", "1e9", "x" * 200, "9" * 19])
-def test_the_limit_must_be_a_number_of_bytes(text, monkeypatch):
-    monkeypatch.setenv("FGNAV_MAX_BYTES", text)
-    if not text:
-        assert max_bytes() == 4_000_000_000
-        return
-    with pytest.raises(BadInputError, match="FGNAV_MAX_BYTES: must be a number of bytes") as caught:
-        max_bytes()
-    assert len(str(caught.value)) < 150
 
 
 def test_what_is_no_regular_file_is_named_and_not_waited_for(tmp_path):

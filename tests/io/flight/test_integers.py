@@ -32,13 +32,6 @@ def test_integers_come_back_to_the_last_bit(tmp_path, name):
     same(read_integers(tmp_path / "integers.csv"), written)
 
 
-def test_a_flight_keeps_its_integers_and_names_the_file(tmp_path):
-    flight = whole_flight(np.random.default_rng(1))
-    save_flight(flight, tmp_path / "flight")
-    assert 'integers = "integers.csv"' in (tmp_path / "flight" / "flight.toml").read_text()
-    same(load_flight(tmp_path / "flight").truth.integers, flight.truth.integers)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [

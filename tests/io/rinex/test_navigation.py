@@ -9,7 +9,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.reader import read_navigation
-from tests.io.rinex_texts import line, message, navigation_head
+from tests.io.rinex_texts import message, navigation_head
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25, a Thursday: second 345600 of GPS week 2111
 GOOD = navigation_head() + message("G05") + message("G07")
@@ -145,12 +145,6 @@ def test_broken_ionosphere_record_is_named(tmp_path):
         read(tmp_path, text + "> ION G05 LNAV\n    2020 06 25 00 00 00 oops\n\n\n")
 
 
-def test_only_impossible_orbits_are_no_orbits(tmp_path):
-    text = GOOD.replace("5.154800000000E+03", "0.000000000000E+00")
-    with pytest.raises(BadInputError, match=r"n.rnx: .*impossible orbit"):
-        read(tmp_path, text)
-
-
 def test_empty_list_of_files_is_named():
     with pytest.raises(BadInputError, match="navigation: must name a file"):
         read_navigation([], START_GPS_S)
@@ -191,17 +185,3 @@ def test_real_rinex_4_file_is_sorted_by_type(shared):
     assert losses["G CNAV message"] == 334
     assert sum(losses.values()) + len(got.records) == text.count("\n> ")
     assert np.abs(got.records["toe_s"] - 43_200).max() < 2 * 86_400
-
-
-def test_messages_of_several_files_are_merged(tmp_path):
-    first, second = tmp_path / "a.rnx", tmp_path / "b.rnx"
-    first.write_text(GOOD)
-    head = navigation_head().replace(
-        line("", "END OF HEADER"),
-        line("GPSA " + "".join(f"{k * 1e-8:12.4E}" for k in (1, 2, 3, 4)), "IONOSPHERIC CORR")
-        + line("", "END OF HEADER"),
-    )
-    second.write_text(head + message("G05") + message("G21"))
-    got = read_navigation([first, second], START_GPS_S)
-    assert got.records["satellite"].tolist() == ["G05", "G07", "G21"]
-    assert got.klobuchar[3] == 4e-8

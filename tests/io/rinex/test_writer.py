@@ -110,39 +110,6 @@ def test_real_messages_survive_being_written(tmp_path, shared):
         np.testing.assert_allclose(got.records[name], want.records[name], rtol=1e-12, atol=1e-6)
 
 
-def test_messages_of_rinex_4_are_those_of_rinex_3(tmp_path):
-    orbits = replace(broadcast(), klobuchar=np.arange(1, 9) * 1.25e-8)
-    got = []
-    for version in ("3.04", "4.00"):
-        path = tmp_path / f"{version}.rnx"
-        write_navigation(path, orbits, start_gps_s=START_GPS_S, version=version)
-        got.append(read_navigation([path], START_GPS_S))
-    for name in orbits.records.dtype.names:
-        np.testing.assert_array_equal(got[0].records[name], got[1].records[name], err_msg=name)
-    np.testing.assert_allclose(got[1].klobuchar, orbits.klobuchar, rtol=1e-12)
-    np.testing.assert_allclose(got[0].klobuchar, orbits.klobuchar, rtol=1e-4)  # four digits
-
-
-def test_rinex_4_names_the_kind_of_each_message(tmp_path):
-    orbits = broadcast()
-    records = np.concatenate([orbits.records, orbits.records[:2]])
-    records["satellite"][[0, 4]] = "C03", "C60"
-    records["data_source"][[1, 5]] = 517, 258
-    orbits = replace(orbits, records=records)
-    write_navigation(tmp_path / "n.rnx", orbits, start_gps_s=START_GPS_S, version="4.00")
-    heads = [row for row in (tmp_path / "n.rnx").read_text().splitlines() if row[0] == ">"]
-    assert set(heads) == {
-        "> EPH C03 D2",
-        "> EPH C60 D2",
-        "> EPH E07 INAV",
-        "> EPH E07 FNAV",
-        "> EPH G05 LNAV",
-        "> EPH J02 LNAV",
-        "> ION G01 LNAV",
-    }
-    assert heads[-1] == "> ION G01 LNAV"
-
-
 def test_clock_time_between_seconds_is_refused(tmp_path):
     records = broadcast().records.copy()
     records["toc_s"] += 0.5
