@@ -181,40 +181,33 @@ def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> 
 
 def _by_numbers(path: Path, x: FloatArray, names: dict[str, int]) -> dict[str, int]:
     """Return places of columns by what their numbers do: a time runs on, a force is gravity's."""
-    steps = np.diff(x, axis=0)
-    runs = [k for k in range(x.shape[1]) if (steps[:, k] <= 0).mean() < _MOST_SHARE_ODD]
-    runs = [k for k in runs if np.isfinite(x[:, k]).any()]
-    time = names.get("t_s", runs[0] if runs else None)
+    runs = [k for k in range(x.shape[1]) if _runs(x[:, k])]
+    time = names.get("t_s", next(iter(runs), None))
     if time is None:
         return {}
-    columns = {"t_s": time}
-    triples = [k for k in range(x.shape[1] - 2) if time not in {k, k + 1, k + 2}]
-    triples = [k for k in triples if np.isfinite(x[:, k : k + 3]).any(axis=0).all()]
-    lengths = {k: float(np.nanmedian(np.linalg.norm(x[:, k : k + 3], axis=1))) for k in triples}
-    near = {k: min(abs(length / size - 1) for size in _GRAVITY) for k, length in lengths.items()}
-    places = [k for k in triples if _may_be_places(x[:, k : k + 3])]
-    if places and min(places) <= min(near, key=near.__getitem__):
-        raise BadInputError(
-            f"{path}: columns {places[0] + 1} to {places[0] + 3} may be latitude, longitude, "
-            "height, and no header names them; describe them in [[csv]] of a file for `fgnav "
-            "import --settings`, docs/own_log.md"
-        )
-    triples = [k for k in triples if not {k, k + 1, k + 2} & set(runs)]
-    begin = min((k for k in range(x.shape[1]) if k not in runs), default=0)
-    force = min(triples, key=lambda k: (round(near[k], 2), (k - begin) % 3, k), default=None)
-    if force is None or near[force] > _NEAR:
-        return columns
-    columns |= {name: force + k for k, name in enumerate(FORCE)}
-    rate = next(
-        (k for k in triples if k >= force + 3), next((k for k in triples if k + 3 <= force), None)
-    )
-    if rate is not None:
-        columns |= {name: rate + k for k, name in enumerate(RATE)}
-    return columns
+    for k in range(x.shape[1] - 2):
+        if time not in {k, k + 1, k + 2} and _may_be_places(x[:, k : k + 3]):
+            raise BadInputError(
+                f"{path}: columns {k + 1} to {k + 3} may be latitude, longitude, height, and no "
+                "header names them; describe them in [[csv]] of a file for `fgnav import "
+                "--settings`, docs/own_log.md"
+            )
+    free = [k for k in range(x.shape[1]) if k not in (time, *runs) and np.isfinite(x[:, k]).any()]
+    triples = [free[k : k + 3] for k in range(0, len(free) - 2, 3)]
+    lengths = [float(np.nanmedian(np.linalg.norm(x[:, some], axis=1))) for some in triples]
+    near = [min(abs(length / size - 1) for size in _GRAVITY) for length in lengths]
+    force = int(np.argmin(near)) if near else -1
+    if force < 0 or near[force] > _NEAR:
+        return {"t_s": time}
+    columns = {"t_s": time, **dict(zip(FORCE, triples[force], strict=True))}
+    others = [*triples[force + 1 :], *triples[:force]]
+    return columns | (dict(zip(RATE, others[0], strict=True)) if others else {})
 
 
 def _may_be_places(block: FloatArray) -> bool:
     """Return True if three columns may be degrees and metres of a vehicle that moves a little."""
+    if not np.isfinite(block).any(axis=0).all():
+        return False
     largest = np.nanmax(np.abs(block), axis=0)
     smooth = np.nanmax(np.abs(np.diff(block[:, :2], axis=0)), initial=0.0) < _SMOOTH_DEG
     fraction = (block[:, :2] % 1e-3 != 0).any()

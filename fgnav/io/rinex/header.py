@@ -1,6 +1,7 @@
 """The head of a RINEX file: what kind it is, and which observation types its lines hold."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -167,21 +168,28 @@ def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[st
     if version < 3:
         names = [name for line in listed for name in line.text[6:].split()]
         return dict.fromkeys(_SYSTEMS, _checked(listed[0], listed[0].text[:6], names, _TYPE[2]))
-    found: dict[str, tuple[_Line, str, list[str]]] = {}
-    letter = ""
-    for line in listed:
-        if line.text[0] != " ":
-            letter = line.text[0]
-            if letter not in _SYSTEMS or letter in found:
-                raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
-            found[letter] = line, line.text[3:6], []
-        if not letter:
-            raise line.fault("OBS TYPES must start with a constellation", line.text)
-        found[letter][2].extend(line.text[6:].split())
-    types = {letter: _checked(*one, _TYPE[3]) for letter, one in found.items()}
+    found: dict[str, tuple[_Line, list[str]]] = {}
+    for letter, line in _by_letter(listed):
+        if letter not in _SYSTEMS or (letter in found and line.text[0] != " "):
+            raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
+        found.setdefault(letter, (line, []))[1].extend(line.text[6:].split())
+    types = {
+        letter: _checked(line, line.text[3:6], names, _TYPE[3])
+        for letter, (line, names) in found.items()
+    }
     if round(version, 2) == 3.02 and "C" in types:
         types["C"] = tuple(one[0] + one[1].replace("1", "2") + one[2:] for one in types["C"])
     return types
+
+
+def _by_letter(lines: list[_Line]) -> Iterator[tuple[str, _Line]]:
+    """Yield lines with the letter of their constellation, which lines that go on leave out."""
+    letter = ""
+    for line in lines:
+        letter = line.text[0].strip() or letter
+        if not letter:
+            raise line.fault(f"{line.label} must start with a constellation", line.text)
+        yield letter, line
 
 
 def _checked(
@@ -202,18 +210,15 @@ def _checked(
 
 def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
     """Return the factors that values of types were multiplied by."""
-    scales = {}
-    letter, factor = "", 1
-    for line in lines:
-        if line.label != "SYS / SCALE FACTOR":
-            continue
+    scales, factor = {}, 1
+    for letter, line in _by_letter([one for one in lines if one.label == "SYS / SCALE FACTOR"]):
         if line.text[0] != " ":
-            letter, text = line.text[0], line.text[2:6].strip().lstrip("0")
+            text = line.text[2:6].strip().lstrip("0")
             if text not in ("", "1", "10", "100", "1000"):
                 raise line.fault(f"{line.label} must be 1, 10, 100 or 1000; repair the line", text)
             factor = int(text or "1")
-        for name in line.text[10:58].split() or types.get(letter, ()):
-            scales[letter, name] = factor
+        names = line.text[10:58].split() or types.get(letter, ())
+        scales |= {(letter, name): factor for name in names}
     return scales
 
 
@@ -223,9 +228,8 @@ def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
     for line in lines:
         if line.label == "WAVELENGTH FACT L1/2":
             names = [one.replace(" ", "0") for one in re.findall(r"[GRSE ][ \d]\d", line.text[18:])]
-            factors = line.text[:6].strip(), line.text[6:12].strip()
-            for band, factor in zip("12", factors, strict=True):
-                half |= {(name, band) for name in names or [""] if factor == "2"}
+            for band, factor in zip("12", (line.text[:6], line.text[6:12]), strict=True):
+                half |= {(name, band) for name in names or [""] if factor.strip() == "2"}
     return frozenset(half)
 
 

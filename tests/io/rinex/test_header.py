@@ -96,7 +96,7 @@ FIRST = "TIME OF FIRST OBS"
         (GOOD.replace("C1X L1X", "C1X C1X"), "observation type must be known and new, got 'C1X'"),
         (GOOD.replace("C1X L1X", "Q1X L1X"), "observation type must be known and new, got 'Q1X'"),
         (GOOD.replace("E    4", "G    4"), "constellation must be new and one of GRECJSI, got 'G'"),
-        (GOOD.replace("G    8", "     8"), "OBS TYPES must start with a constellation"),
+        (GOOD.replace("G    8", "     8"), "OBS TYPES must start with a const"),
         (
             GOOD.replace("G    8 C1C L1C D1C S1C C2W L2W C5Q L5Q", "G    0" + " " * 32),
             "1 to 99 observation types, got",
