@@ -117,19 +117,13 @@ def _body(header: Header, text: Bytes) -> tuple[Body, bool]:
 
 def _scanned(body: Body) -> Found:
     """Return what a scan finds."""
-    n = len(body.begins)
+    n, types = len(body.begins), body.units.shape[1]
     epochs, records, faults, events = (np.empty((n, width), np.int64) for width in (4, 3, 3, 4))
-    values, locks = np.empty((n, body.units.shape[1])), np.empty((n, body.units.shape[1]), np.int64)
+    values, locks = np.empty((n, types)), np.empty((n, types), np.int64)
     found = Found(epochs, records, faults, events, values, locks)
-    n_epochs, n_records, n_faults, n_events = scan(body, found).tolist()
-    return Found(
-        epochs=epochs[:n_epochs],
-        records=records[:n_records],
-        faults=faults[:n_faults],
-        events=events[:n_events],
-        values=values[:n_records],
-        locks=locks[:n_records],
-    )
+    counts = scan(body, found)
+    of = counts[[0, 1, 2, 3, 1, 1]].tolist()  # values and locks are those of records
+    return Found._make(table[:count] for table, count in zip(found, of, strict=True))
 
 
 def _block(
