@@ -75,7 +75,5 @@ def test_nominal_epochs_take_the_clock_error_away():
         tag_s = nominal_s + rng.uniform(-1e-3, 1e-3, 50)
         np.testing.assert_allclose(nominal_epochs(tag_s, START_GPS_S), nominal_s, rtol=0, atol=1e-9)
 
-
-def test_epochs_without_grid_stay_as_they_are():
     tag_s = np.cumsum(np.random.default_rng(2).uniform(0.5, 1.5, 20))
     np.testing.assert_array_equal(nominal_epochs(tag_s, START_GPS_S), tag_s)
