@@ -210,7 +210,7 @@ def _checked(
 
 def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
     """Return the factors that values of types were multiplied by."""
-    scales, factor = {}, 1
+    scales, factor = dict[tuple[str, str], int](), 1
     for letter, line in _by_letter([one for one in lines if one.label == "SYS / SCALE FACTOR"]):
         if line.text[0] != " ":
             text = line.text[2:6].strip().lstrip("0")
