@@ -96,7 +96,8 @@ def to_broadcast(
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
         messages += _messages(header, body, counts)
-        if not (body.endswith("\n") or any(what == "broadcast message" for what, _ in counts)):
+        is_broken = any(what == "broadcast message" for what, _ in counts)
+        if body.strip() and not (body.endswith("\n") or is_broken):
             reason = "the last line has no line end: it may be cut"
             counts[f"{header.path.name} line end", reason] = 1
         models += [one for one in [_klobuchar(header, body)] if one.any()]
