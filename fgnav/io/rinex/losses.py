@@ -42,8 +42,8 @@ def count_satellites(letter: str, numbers: IntArray, counts: Counts) -> None:
         what = f"{CONSTELLATIONS[letter].name} observation"
         counts[what, "constellation not used"] += len(numbers)
         return
-    for number in numbers.tolist():
-        counts[f"{letter}{number:02d} observation", "of a number that is not used"] += 1
+    for number, count in zip(*np.unique(numbers, return_counts=True), strict=True):
+        counts[f"{letter}{number:02d} observation", "of a number that is not used"] += int(count)
 
 
 def count_events(header: Header, body: Body, events: IntArray, counts: Counts) -> None:

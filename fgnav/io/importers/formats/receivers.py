@@ -81,7 +81,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             reason = "the receiver's solution is taken; solution = false in --settings takes it"
             counts[f"{name} message", reason if is_raw else "not read"] += count
     if not (tables or observations):
-        what, reason = next(iter(counts), ("", ""))
+        what, reason = next((key for key, count in counts.items() if count), ("", ""))
         raise BadInputError(
             f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
             f"raw measurements{f' ({what}: {reason})' if what else ''}; look what the receiver was "
