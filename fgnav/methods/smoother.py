@@ -9,21 +9,22 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from fgnav.assembly.calibration_request import calibration_requests
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
-from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.problem import build_problem
-from fgnav.frontend.recording import with_noise_of_record
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import nearest_keyframes, regular_times, with_times
 from fgnav.graph.innovations import InnovationSeries, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
+from fgnav.integrity.imu_recording import with_noise_of_record
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.messages import note
 from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
 from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
@@ -59,7 +60,7 @@ class Smoother:
         Source of gravity directions in body axes.
     estimate : tuple of str
         What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
-        ``frontend.calibration_request``.
+        ``assembly.calibration_request``.
     factors : tuple or None
         Sources of custom factors: callables ``(flight, timeline)`` that yield GTSAM factors, names
         of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
@@ -246,7 +247,7 @@ class Smoother:
             else:
                 if estimate.converged or self.causal:
                     return estimate
-            notes = ("Networks are not used: with them the search ends at no minimum.",)
+            notes = (note("W404"),)
         estimate = self._with_factors((), flight, prepared, rows)
         return replace(estimate, notes=(*estimate.notes, *notes))
 
@@ -307,7 +308,7 @@ class Forward(Smoother):
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening
-        return solve_forward(prepared.windowed, self.lag_s, custom=custom, opening=opening)
+        return solve_forward(prepared.problem, self.lag_s, custom=custom, opening=opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -356,8 +357,8 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
         result, prepared = identified(flight, settings, build)
     except NoSolutionError as error:
         prepared = build(flight, settings)
-        note = f"Noise is nominal; it could not be estimated ({error})."
-        return replace(prepared, notes=(*prepared.notes, *notes, note))
+        nominal = note("W302", error=error)
+        return replace(prepared, notes=(*prepared.notes, *notes, nominal))
     return replace(
         prepared,
         implausible=implausible(flight, result),
