@@ -27,15 +27,6 @@ from fgnav.io.flight.toml import BaselineTable
 from fgnav.io.flight.usual_noise import BASELINE_SIGMA_M
 from fgnav.types.receiver import Baseline, Fixes, Measured
 
-_NEEDS = {
-    POSITION_SIGMA: BASELINE,
-    BASELINE_COVARIANCE: POSITION_SIGMA,
-    HEADING_SIGMA: HEADING,
-    PITCH: HEADING,
-    PITCH_SIGMA: PITCH,
-    LENGTH: PITCH,
-    LENGTH_SIGMA: LENGTH,
-}
 _VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geometry
 
 
@@ -93,9 +84,8 @@ def _check(samples: Mapping[str, FloatArray], where: Path | str) -> None:
         raise BadInputError(
             f"{where}: line 1: must have {', '.join(BASELINE)}, or {HEADING[0]}, and not both"
         )
-    for names, needed in _NEEDS.items():
-        if names[0] in samples and needed[0] not in samples:
-            raise BadInputError(f"{where}: line 1: {names[0]} needs {', '.join(needed)}")
+    if POSITION_SIGMA[0] in samples and BASELINE[0] not in samples:
+        raise BadInputError(f"{where}: line 1: {POSITION_SIGMA[0]} needs {', '.join(BASELINE)}")
 
 
 def _of_vector(

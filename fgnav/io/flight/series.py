@@ -196,10 +196,8 @@ def within_a_sample_s(t_s: FloatArray) -> float:
     return float(np.median(np.diff(t_s)) / np.sqrt(12)) if len(t_s) > 1 else 0.0
 
 
-def _fixes(values: Any, keys: Any, _at: Surroundings, file: Path) -> Fixes:  # noqa: ANN401
+def _fixes(values: Any, keys: Any, _at: Surroundings, _file: Path) -> Fixes:  # noqa: ANN401
     """Return fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
-    if values["velocity_sigma_mps"] is not None and values["v_n_mps"] is None:
-        raise BadInputError(f"{file}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
     unstated = []
     for name, sigma, usual in (
         ("position", "position_sigma_m", usual_noise.POSITION_SIGMA_M),

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.io.flight.columns import PITCH, PITCH_SIGMA, VELOCITY, VELOCITY_SIGMA, Samples, samples
+from fgnav.io.flight.columns import NEEDS, Samples, samples
 
 Names: TypeAlias = tuple[str, ...]
 Timed: TypeAlias = tuple[Names, FloatArray, FloatArray]  # columns, times (k,), values (k, c)
-_NEEDS = {VELOCITY_SIGMA: VELOCITY, PITCH_SIGMA: PITCH}
 
 
 class Part(NamedTuple):
@@ -65,7 +64,7 @@ def joined(
         row = np.searchsorted(at_s, t_s).clip(max=len(at_s) - 1)
         has = at_s[row] == t_s
         counts[columns[0], f"of no {what}'s time"] += len(at_s) - int(has.sum())
-        if 2 * has.sum() > len(t_s) and _NEEDS.get(columns, names) in blocks:
+        if 2 * has.sum() > len(t_s) and NEEDS.get(columns, names) in blocks:
             counts[what, f"has no {columns[0]}, as most have"] += int((kept & ~has).sum())
             kept &= has
             blocks[columns] = values[index][row]
