@@ -47,25 +47,10 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         If it has neither a solution nor observations.
     """
     content = unmarked(read_bytes(path))
-    solution, stated = Solution(), list[tuple[str, str, Any]]()
-    others, size = Counter[tuple[str, int, str]](), 0
-    for one in messages(content):
-        size += len(one.raw)
-        if one.name not in STATED:
-            others[one.protocol, one.number, one.name] += 1
-            continue
-        try:
-            with foreign(path, one.name):
-                stated.append((one.protocol, one.name, one.decoded()))
-        except BadInputError:  # one message, that its checksum has proved, is no reason to stop
-            solution.counts[f"{one.name} message", "cannot be decoded"] += 1
+    solution = Solution()
+    stated, others, size = _decoded(path, content, solution.counts)
     start_s = None if settings.start is None else gps_seconds(path, settings.start)
     take(stated, start_s, solution)
-    if not solution.is_dated and any(protocol == "nmea" for protocol, *_ in stated):
-        raise BadInputError(
-            f"{path}: no RMC or ZDA sentence has a date; state start in --settings, within half a "
-            "day"
-        )
     tables = {"fixes": solution.fixes(), "baseline": solution.baselines()}
     tables = {kind: rows for kind, rows in tables.items() if len(rows["t_s"])}
     counts = solution.counts
@@ -81,6 +66,11 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             reason = "the receiver's solution is taken; solution = false in --settings takes it"
             counts[f"{name} message", reason if is_raw else "not read"] += count
     if not (tables or observations):
+        if not solution.is_dated and any(protocol == "nmea" for protocol, *_ in stated):
+            raise BadInputError(
+                f"{path}: no RMC or ZDA sentence has a date; state start in --settings, within "
+                "half a day"
+            )
         what, reason = next((key for key, count in counts.items() if count), ("", ""))
         raise BadInputError(
             f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
@@ -102,6 +92,24 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         notes={"fixes": "heights are above the sea: no undulation"} if solution.above_sea else {},
         missing=_MISSING if observations else {},
     )
+
+
+def _decoded(
+    path: Path, content: bytes, counts: Counter[tuple[str, str]]
+) -> tuple[list[tuple[str, str, Any]], Counter[tuple[str, int, str]], int]:
+    """Return the messages of solutions, the others' kinds, and how long all together are."""
+    stated, others, size = list[tuple[str, str, Any]](), Counter[tuple[str, int, str]](), 0
+    for one in messages(content):
+        size += len(one.raw)
+        if one.name not in STATED:
+            others[one.protocol, one.number, one.name] += 1
+            continue
+        try:
+            with foreign(path, one.name):
+                stated.append((one.protocol, one.name, one.decoded()))
+        except BadInputError:  # one message, that its checksum has proved, is no reason to stop
+            counts[f"{one.name} message", "cannot be decoded"] += 1
+    return stated, others, size
 
 
 def _observations(
