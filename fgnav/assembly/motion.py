@@ -33,7 +33,6 @@ _SUB_STEPS, _SUB_STEPS_WITH_GYROSCOPE = 1, 2
 def motion_of(
     stages: tuple[Aligned, Tracked],
     settings: ProblemSettings,
-    earth_rate_n_radps: FloatArray,
     constants: Constants,
     multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
@@ -51,7 +50,7 @@ def motion_of(
             imu=imu,
             sub_steps=settings.sub_steps or _SUB_STEPS_WITH_GYROSCOPE,
             gravity_n_mps2=track.gravity_n_mps2,
-            earth_rate_n_radps=earth_rate_n_radps,
+            earth_rate_n_radps=stage.earth_rate_n_radps,
             accelerometer_noise=_accelerometer_noise(stage.record, holed),
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
         )
@@ -68,7 +67,7 @@ def motion_of(
         imu=imu,
         sub_steps=settings.sub_steps or _SUB_STEPS,
         gravity_n_mps2=track.gravity_n_mps2,
-        earth_rate_n_radps=earth_rate_n_radps,
+        earth_rate_n_radps=stage.earth_rate_n_radps,
         poles_per_s=poles,
         variance_rad2ps2=variance,
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
