@@ -29,7 +29,7 @@ from tests.benchmarks._yardstick_flights import KINDS, clean_flight
 from tests.benchmarks._yardstick_recordings import RECORDINGS
 from tests.benchmarks._yardstick_results import OUTCOMES, STATES, UNITS, Result, judged
 from tests.robustness.drawn import flights as drawn_flights
-from tests.robustness.drawn.dirty import dirty
+from tests.robustness.faults import faulty
 
 SHARE = float(os.environ.get("YARDSTICK_SHARE", "1"))
 YARDSTICK_JSON = ROOT / "yardstick.json"
@@ -127,8 +127,8 @@ def _drawn() -> Iterator[Result]:
         clean = Result(part="drawn", name=kind, seed=seed, **fields)
         yield clean
         for fault_seed in range(FAULT_SEED + FAULTS_EACH * k, FAULT_SEED + FAULTS_EACH * (k + 1)):
-            faulty, fault = with_fault(flight, fault_seed)
-            fields = judged(lambda f=faulty: METHODS["batch"](f), flight.truth, clean)
+            wrong, fault = with_fault(flight, fault_seed)
+            fields = judged(lambda f=wrong: METHODS["batch"](f), flight.truth, clean)
             yield Result(part="faulty", name=kind, seed=fault_seed, fault=fault, **fields)
 
 
@@ -141,13 +141,13 @@ def with_fault(flight: Flight, seed: int) -> tuple[Flight, str]:
     Fixes all displaced alike are drawn again: that is a flight elsewhere, and as consistent.
     """
     for again in count(seed, REDRAWN):
-        faulty, fault = dirty(flight, again)
+        wrong, fault = faulty(flight, again)
         if not flight.fixes:
             break
-        moved_m = faulty.fixes[0].p_n_m - flight.fixes[0].p_n_m
+        moved_m = wrong.fixes[0].p_n_m - flight.fixes[0].p_n_m
         if not moved_m.any() or np.ptp(moved_m, axis=0).max() > 1e-6:
             break
-    return faulty, fault
+    return wrong, fault
 
 
 def _some(number: int) -> int:

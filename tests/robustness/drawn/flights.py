@@ -9,9 +9,9 @@ from fgnav.types.flight import Flight
 from fgnav_sim.motion import Motion, Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
-from tests.robustness.drawn.draws import DURATION_S
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "scenarios"
+DURATION_S = 12.0
 RATE_HZ = 50.0
 ANTENNAS_B_M = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.1), (0.3, -0.8, 0.0))
 KINDS = ("array", "fixes", "instruments", "raw", "photodetector")

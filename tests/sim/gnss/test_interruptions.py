@@ -1,6 +1,5 @@
 """Slips, lost lock, outages and the body's shadow: what breaks, what is said, what is found."""
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -237,21 +236,3 @@ def test_a_bad_interruption_is_named(tmp_path, text, message):
     path.write_text(f"[gnss]\n{text}\n", encoding="utf-8")
     with pytest.raises(BadInputError, match=message):
         load_scenario(path)
-
-
-def test_a_scenario_with_all_interruptions_is_read(tmp_path):
-    path = tmp_path / "rough.toml"
-    path.write_text(
-        """
-        [gnss]
-        slips = { rate_per_hour = 2, largest_cycles = 5 }
-        loss_of_lock = { rate_per_hour = 1 }
-        outages = [{ from_s = 3, azimuth_deg = [350, 20] }, { antennas = ["a2"] }]
-        body_mask = { half_angle_deg = 80 }
-        """,
-        encoding="utf-8",
-    )
-    gnss = load_scenario(path).gnss
-    assert gnss.slips == SlipsTable(rate_per_hour=2.0, largest_cycles=5)
-    assert gnss.outages[1] == OutageTable(antennas=("a2",))
-    assert msgspec.structs.asdict(gnss.body_mask)["axes_b"] == ((0.0, 0.0, -1.0),)

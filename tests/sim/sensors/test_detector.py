@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from fgnav.photodetector import line_of_sight, spot_fraction
 from fgnav_sim.motion import Motion, Sine, Straight
 from fgnav_sim.scenario import OcclusionTable, OpticsTable, PhotodetectorTable, Place, Scenario
-from fgnav_sim.sensors.detector import calibration, saturated, share_within, watch
+from fgnav_sim.sensors.detector import calibration, saturated, watch
 from fgnav_sim.simulate import simulate
 
 BEACON = Place(latitude_deg=40.36, longitude_deg=-3.88, height_m=700.0)  # 3.3 km north
@@ -76,18 +76,6 @@ def test_the_beacon_is_seen_within_range_and_field_of_view_only():
     assert np.array_equal(photodetector.t_s, t_s[near & ahead])
 
 
-def test_a_beacon_behind_is_never_seen():
-    away = PhotodetectorTable(landmark=Place(latitude_deg=40.32), range_m=1e5)
-    assert watch(away, TOWARD, rng=np.random.default_rng(1)) is None
-
-
-def test_the_built_in_calibration_increases_and_stays_on_the_detector():
-    table = calibration()
-    assert (np.diff(table, axis=0) > 0).all()
-    assert table[0] == pytest.approx([0.0, 0.0])
-    assert table[-1, 1] < 1.0
-
-
 STILL = Scenario(duration_s=100.0, motion=Motion(path=Straight(speed_mps=0.0)))
 DARK = OpticsTable(noise_a=1e-20, threshold_sigmas=0.0)
 
@@ -147,16 +135,6 @@ def test_near_the_rim_a_large_spot_loses_light_but_not_direction():
         seen = line_of_sight(photodetector)
         error = seen.e_b - true_direction_b(sensor, swing, seen.t_s)
         assert np.abs(error).max() < 1e-9
-
-
-@pytest.mark.parametrize(("small", "large"), [(1.0, 3.0), (2.0, 2.0), (3.0, 1.0)])
-def test_the_share_of_a_circle_within_another_is_that_of_counted_points(small, large):
-    rng = np.random.default_rng(1)
-    radius, angle = small * np.sqrt(rng.random(100_000)), rng.uniform(0, 2 * np.pi, 100_000)
-    for distance in (0.0, 0.5, 1.5, 2.5, 3.5, 4.5):
-        inside = np.hypot(distance + radius * np.cos(angle), radius * np.sin(angle)) <= large
-        share = share_within(np.array([distance]), small, large)
-        assert share == pytest.approx(inside.mean(), abs=0.006)
 
 
 def test_currents_saturate_near_the_beacon_and_are_counted():
