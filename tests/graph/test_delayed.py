@@ -16,8 +16,8 @@ from fgnav.graph.delayed import (
 from fgnav.graph.factors.position import Position
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.solution import Solution
-from tests.graph.factors import cases
-from tests.graph.factors.test_velocity import EARTH_N_RADPS, K, velocities
+from tests.graph.factors import cases, sensors
+from tests.graph.factors.sensors import EARTH_N_RADPS, K
 
 TIMES = Constants(
     (
@@ -44,21 +44,17 @@ def timed(rng, *, gyroscope):
     )
 
 
+def velocities(rng, at):
+    return replace(sensors.velocity(rng, at), constants=TIMES)
+
+
 @pytest.mark.parametrize("gyroscope", [False, True])
-def test_jacobians_equal_differences(gyroscope):
+def test_jacobians_are_differences_and_gtsam_says_the_same(gyroscope):
     rng = np.random.default_rng(1)
     at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
-    part = velocities(rng, TIMES, gyroscope=gyroscope)
-    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
+    part, motion = velocities(rng, at), timed(rng, gyroscope=gyroscope)
+    late = on_clock(part, motion, TIMES, delay=VELOCITY_DELAY)
     cases.assert_jacobians(late, at)
-
-
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_gtsam_says_the_same(gyroscope):
-    rng = np.random.default_rng(2)
-    at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
-    part = velocities(rng, TIMES, gyroscope=gyroscope)
-    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
     cases.assert_gtsam_says_the_same(late, at, TIMES)
 
 
@@ -96,7 +92,7 @@ def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
 
 def test_without_clock_or_delay_a_measurement_stays_as_it_is():
     rng, none = np.random.default_rng(4), cases.constants(1)
-    part = velocities(rng, none, gyroscope=True)
+    part = velocities(rng, cases.random_states(K, none, rng, gyroscope=True))
     assert on_clock(part, timed(rng, gyroscope=True), none, delay=VELOCITY_DELAY) is part
 
 

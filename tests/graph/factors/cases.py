@@ -114,9 +114,3 @@ def assert_gtsam_says_the_same(
         scale = np.sqrt(size) * max(np.linalg.norm(value[i]), 1.0)
         np.testing.assert_allclose(g, J.T @ value[i], rtol=0, atol=rtol * scale)
         np.testing.assert_allclose(cost, value[i] @ value[i], rtol=rtol)
-
-
-def assert_factor(measurement: Sensor, at: States, shared: Constants) -> None:
-    """Hold a sensor's Jacobians against differences, and its GTSAM factors against the kernel."""
-    assert_jacobians(measurement, at)
-    assert_gtsam_says_the_same(measurement, at, shared)

@@ -18,13 +18,6 @@ def test_states_of_any_layout_are_the_same_to_a_kernel():
     assert rows.tolist() == which.tolist()
 
 
-def test_states_that_are_ready_are_not_copied():
-    at, which = cases.random_states(4, cases.constants(2), np.random.default_rng(2)), np.arange(4)
-    ready, rows = contiguous(at, which)
-    assert ready is at
-    assert rows is which
-
-
 def test_columns_are_found_in_their_parts():
     shared = cases.constants(3, 2, 6)
     assert parts_of(shared, (-1, -1)) == ()
