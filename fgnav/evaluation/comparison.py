@@ -324,7 +324,7 @@ def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Outcome
 
     keys = sorted(prepared_by_key, key=lambda key: bool(getattr(key, "causal", False)))
     for one in (prepared_by_key[key] for key in keys):
-        if isinstance(one.value, PreparedFlight) and not one.value.stretches:
+        if isinstance(one.value, PreparedFlight):
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 
             try:

@@ -12,10 +12,10 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, quoted
 from fgnav.frontend.attitude.rates import FORCE_SPAN_S
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
+from fgnav.graph.inertial.gyro_free import MEAN_RATE
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight
 
-MEAN_RATE = "mean rate"
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin
 # (docs/model.md, the motion prior).
 _MEAN_RATE_RADPS = 15.0

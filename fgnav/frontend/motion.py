@@ -5,7 +5,6 @@ import numpy as np
 from fgnav.attitude.imu_rotation import spun
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.frontend.attitude.epochs import Alignment
-from fgnav.frontend.calibration_request import MEAN_RATE
 from fgnav.frontend.gaps import Bridged
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked
@@ -72,7 +71,6 @@ def motion_of(
         poles_per_s=poles,
         variance_rad2ps2=variance,
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
-        rate_column=constants.column(MEAN_RATE),
         constants=constants,
         multipath=multipath,
     )

@@ -4,16 +4,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-import numpy as np
-
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import FloatArray, Loss
 from fgnav.frontend.attitude.in_motion import EarlierMotion
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.sensors.rest import Rest
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Imu
 from fgnav.types.integers import ArcInteger, Integers
 
 
@@ -47,8 +45,6 @@ class PreparedFlight:
     opening: Opening | None = None  # what a filter is given in its place until the heading is known
     # As it were if the heading was known: horizontal accelerations are no noise anywhere.
     in_motion: Problem | None = None
-    # In place of all this, of a causal method whose noise is identified as the flight goes on.
-    stretches: "tuple[Stretch, ...]" = ()
     # What was identified of noise and set-up, over the largest plausible value.
     implausible: Mapping[str, float] = field(default_factory=dict)
     # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
@@ -56,22 +52,6 @@ class PreparedFlight:
     rest: Rest | None = None  # seconds at rest
     goes_on: Earlier | None = None  # what keyframes to come need of these
     arcs: tuple[ArcInteger, ...] = ()  # against a base
-
-    @property
-    def revised_s(self) -> FloatArray:
-        """Times from which phases are without integers that were taken back."""
-        problems = [self.problem] + ([] if self.opening is None else [self.opening.problem])
-        times_s = [one.t_s[one.phase.revised] for one in problems if one.phase is not None]
-        return np.unique(np.concatenate([np.empty(0), *times_s]))
-
-    def as_of(self, t_s: float) -> "PreparedFlight":
-        """Return the same as it was before integers were taken back after a time."""
-
-        def before_revision(one: Problem) -> Problem:
-            row = int(np.searchsorted(one.t_s, t_s, side="right")) - 1
-            return one if one.phase is None else replace(one, phase=one.phase.as_of(row))
-
-        return self.changed(before_revision)
 
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
         """Return the same with all its problems changed."""
@@ -83,38 +63,3 @@ class PreparedFlight:
             in_motion=None if in_motion is None else by(in_motion),
             opening=None if opening is None else replace(opening, problem=by(opening.problem)),
         )
-
-
-class Stretch(NamedTuple):
-    """A flight up to a time, as it is prepared for estimates from another time on."""
-
-    from_s: float
-    until_s: float  # estimates before it
-    flight: Flight
-    prepared: PreparedFlight
-
-    def answers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (k,), it estimates: a clock put right moves what is covered."""
-        covered_s = self.prepared.problem.t_s
-        within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
-        return np.asarray(within & (t_s <= covered_s[-1]))
-
-
-def by_integers(flight: Flight, prepared: PreparedFlight, waits_s: float) -> tuple[Stretch, ...]:
-    """Return the stretches of a causal flight, each with the integers that it had by then.
-
-    None of a flight that took none back. ``waits_s`` is how much of what comes later an estimate
-    takes part of.
-    """
-    spans = prepared.stretches or (Stretch(-np.inf, np.inf, flight, prepared),)
-    if not any(len(one.prepared.revised_s) for one in spans):
-        return prepared.stretches
-    parts = []
-    for one in spans:
-        changes_s = one.prepared.revised_s - waits_s
-        changes_s = changes_s[(changes_s > one.from_s) & (changes_s < one.until_s)]
-        begin_s = [one.from_s, *changes_s.tolist()]
-        for from_s, until_s in zip(begin_s, [*begin_s[1:], one.until_s], strict=True):
-            as_then = one.prepared.as_of(from_s + waits_s)
-            parts.append(Stretch(from_s, until_s, one.flight, as_then))
-    return tuple(parts)

@@ -1,5 +1,6 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -25,18 +26,22 @@ from fgnav.frontend.position.by_observations import ByObservations, LastObservat
 from fgnav.frontend.position.numbered_arcs import EarlierArcs
 from fgnav.frontend.position.phases import antenna_phase
 from fgnav.frontend.prepared import Earlier, PreparedFlight
-from fgnav.frontend.sensor_factors import Recorded, sensors_of
+from fgnav.frontend.sensors.baselines import baselines
+from fgnav.frontend.sensors.gnss import array_sensors, positions, velocities
+from fgnav.frontend.sensors.instruments import Instruments, instruments
 from fgnav.frontend.sensors.rest import Rest, moving_antenna, resting_motion
-from fgnav.frontend.sensors.resting_rates import resting_rates
-from fgnav.frontend.sensors.sensed import Sensed, sense
 from fgnav.frontend.sensors.standstill import standing
 from fgnav.frontend.sensors.stuck import without_stuck
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.frontend.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
+from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.graph.factors.baseline import BaselineVector
+from fgnav.graph.factors.line_of_sight import LANDMARK, LineOfSight
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
 from fgnav.process.prediction import Turning
 from fgnav.types.flight import Flight, Photodetector
@@ -74,15 +79,13 @@ def build_problem(
     track = tracked(flight, stage)
     imu, causal = stage.record.imu, settings.causal
     v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
-    sensed = sense(flight, imu, stage.down, track.t_s, track.places_n_m, v_n_mps, causal=causal)
     stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
     rest = Rest.of(stands, track.t_s, causal=causal)
-    resting = resting_rates(flight.vehicle, imu, track.t_s, stands, causal=causal)
-    sensed = replace(sensed, standing=stands if flight.standstill else None, resting=resting)
+    found = instruments(flight, stage, track, v_n_mps, stands)
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
     tags = of_tags(settings.calibration, flight)
-    constants = _constants((*requested, *tags), stage, sensed, flight.photodetector)
+    constants = _constants((*requested, *tags), stage, found, flight.photodetector)
     multipath, lasting_notes = _lasting(stage, requested)
     earth = flight.origin.earth_rate_n_radps
     motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
@@ -98,16 +101,14 @@ def build_problem(
         earlier=None if earlier is None else earlier.arcs,
     )
     phase = phases.phase
+    between, baseline_losses = baselines(flight, track.t_s)
+    antennas = (*_antennas(flight, stage, track, requested, (multipath, timed)), *between)
+    sensors = _bound((antennas, found.sensors), constants, timed)
     problem = Problem(
         t_s=track.t_s,
         start=_start(stage, track, constants, turning, motion.aux),
         motion=motion,
-        sensors=sensors_of(
-            replace(
-                _recorded(flight, stage, track, sensed, requested), timed=timed, multipath=multipath
-            ),
-            constants,
-        ),
+        sensors=sensors,
         constants=constants,
         attitude_known=_measured_attitudes(stage),
         attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
@@ -121,7 +122,7 @@ def build_problem(
     if stage.start.heading_from_s == np.inf:  # at rest all along
         problem = windowed
     start, antenna = stage.start, track.antenna
-    gaps = _gaps(stage, track, sensed)
+    gaps = _gaps(stage, track, sensors)
     return PreparedFlight(
         problem=problem,
         imu=imu,
@@ -134,7 +135,8 @@ def build_problem(
             *antenna.losses,
             *track.losses,
             *repeated,
-            *sensed.losses,
+            *baseline_losses,
+            *found.losses,
         ),
         rejections=(*start.rejections, *track.rejections, *phases.rejections),
         notes=(
@@ -205,43 +207,50 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 def _constants(
     requested: tuple[FlightConstant, ...],
     stage: Aligned,
-    sensed: Sensed,
+    found: Instruments,
     photodetector: Photodetector | None,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    parts = with_evidence(requested, sight=sensed.sight is not None)
-    if sensed.sight is not None and photodetector is not None:
+    is_seen = any(LANDMARK in sensor.parameters for sensor in found.sensors)
+    parts = with_evidence(requested, sight=is_seen)
+    if is_seen and photodetector is not None:
         parts = with_landmark(parts, photodetector.landmark_n_m)
-    parts = (*parts, *sensed.constants)
+    parts = (*parts, *found.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())
     return Constants((*parts, *stage.float_arcs.constants))
 
 
-def _recorded(
+def _antennas(
     flight: Flight,
     stage: Aligned,
     track: Tracked,
-    sensed: Sensed,
     requested: tuple[FlightConstant, ...],
-) -> Recorded:
-    start = stage.start
-    names = tuple(antenna.name for antenna in flight.antennas)
-    return Recorded(
-        array=start.form,
-        array_valid=start.valid,
-        float_stretch=stage.float_arcs.stretch,
-        shape=shape_at(start.phases, start.form, track.t_s, start.valid, requested, names),
-        antennas=names,
-        positions=()
-        if track.antenna.phases
-        else tuple(series for _, series in track.antenna.positions),
-        velocities=tuple(series for _, series in track.antenna.velocities),
-        sensed=sensed,
-        gravity_n_mps2=track.gravity_n_mps2,
-        measured_b_radps=stage.rates if stage.gyroscope else None,
-        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
-    )
+    of: tuple[Multipath | None, TimedMotion],
+) -> Iterator[Sensor]:
+    """Yield the sensors of antennas."""
+    start, antenna, (multipath, timed) = stage.start, track.antenna, of
+    rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
+    names = tuple(one.name for one in flight.antennas)
+    if start.form is not None:
+        shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
+        errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch
+        yield from array_sensors(start.form, shape, names, start.valid, stretch, errors)
+    if not antenna.phases:
+        yield from positions(series for _, series in antenna.positions)
+    is_late = any(one.name == VELOCITY_DELAY for one in requested)
+    of_antennas = (series for _, series in antenna.velocities)
+    yield from velocities(of_antennas, rates, earth, timed.led if is_late else None)
+
+
+def _bound(
+    of: tuple[tuple[Sensor, ...], tuple[Sensor, ...]], constants: Constants, timed: TimedMotion
+) -> tuple[Sensor, ...]:
+    """Return sensors of antennas, on their receivers' clock, and others, of a problem."""
+    antennas, others = ([one.bound(constants) for one in part if len(one.row)] for part in of)
+    late = {"velocity": VELOCITY_DELAY}
+    on_time = (on_clock(one, timed, delay=late.get(one.name, "")) for one in antennas)
+    return (*on_time, *others)
 
 
 def _start(
@@ -261,7 +270,7 @@ def _start(
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)
 
 
-def _gaps(stage: Aligned, track: Tracked, sensed: Sensed) -> tuple[str, ...]:
+def _gaps(stage: Aligned, track: Tracked, sensors: tuple[Sensor, ...]) -> tuple[str, ...]:
     """Return sentences on where measurements are missing for long."""
     t_s, antenna = stage.start.t_s, track.antenna
     notes = [*gap_notes("inertial samples", stage.record.gaps_s)]
@@ -273,11 +282,9 @@ def _gaps(stage: Aligned, track: Tracked, sensed: Sensed) -> tuple[str, ...]:
         if measured:
             missing = ~np.any([series.valid for _, series in measured], axis=0)
             notes += gap_notes(what, spans(t_s, missing))
-    if sensed.baselines:
-        missing = np.ones(len(t_s), dtype=np.bool_)
-        for one in sensed.baselines:
-            missing[one.row] = False
-        notes += gap_notes("baseline", spans(t_s, missing))
-    if sensed.sight is not None:
-        notes += gap_notes("line of sight", spans(t_s, np.isnan(sensed.sight.e_b[:, 0])))
+    for kind in (BaselineVector, LineOfSight):
+        rows = [sensor.row for sensor in sensors if sensor.name == kind.name]
+        if rows:
+            missing = ~np.isin(np.arange(len(t_s)), np.concatenate(rows))
+            notes += gap_notes(kind.name, spans(t_s, missing))
     return tuple(notes)

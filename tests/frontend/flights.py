@@ -9,7 +9,7 @@ from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray
 from fgnav.frontend.attitude.rates import angular_rates
-from fgnav.frontend.calibration_request import MEAN_RATE, mean_rate
+from fgnav.frontend.calibration_request import mean_rate
 from fgnav.frontend.position.series import VectorSeries
 from fgnav.geometry import rotations
 from fgnav.geometry.earth import Origin
@@ -181,7 +181,6 @@ def _motion(
     return GyroFree(
         poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
         variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
-        rate_column=constants.column(MEAN_RATE),
         constants=constants,
         **common,
     )
@@ -199,13 +198,12 @@ def _measurements(
     root, minimum = form.square_root()
     step = (len(imu.t_s) - 1) // (len(row) - 1)
     return (
-        ArrayPhase(row=row, root=root, minimum=minimum, element_column=none, constants=constants),
+        ArrayPhase(row=row, root=root, minimum=minimum, stretch=none, constants=constants),
         Position(
             row=row,
             value_n_m=position.value,
             white=position.white(row),
             arm_b_m=position.arm_b_m,
-            lever_column=-1,
             constants=constants,
         ),
         Velocity(
@@ -215,7 +213,6 @@ def _measurements(
             arm_b_m=velocity.arm_b_m,
             measured_b_radps=None if imu.w_b_radps is None else imu.w_b_radps[::step],
             earth_rate_n_radps=ORIGIN.earth_rate_n_radps,
-            lever_column=-1,
             constants=constants,
         ),
     )

@@ -31,7 +31,6 @@ def test_an_estimate_follows_a_direction_along_the_axis_that_it_knows():
         row=np.array([row]),
         known_n=known_n,
         across_b=W,
-        tilt_column=-1,
         constants=problem.constants,
     )
     together = dataclasses.replace(problem, sensors=(*problem.sensors, gravity))

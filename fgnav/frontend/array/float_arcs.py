@@ -17,11 +17,11 @@ from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.frontend.attitude.epochs import Alignment
 from fgnav.geometry.rotations import exp, log
+from fgnav.graph.factors.array_phase import FLOAT_AMBIGUITIES
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.types.differences import DoubleDifferences
 
 ELEMENTS = 9
-NAME = "float ambiguities"
 _MOST = 6  # stretches: nine dimensions of each travel through the flight's whole chain
 _LONGEST_S = 60.0
 _FEWEST = 3  # epochs of a stretch
@@ -53,7 +53,7 @@ class FloatArcs:
         n = ELEMENTS * self.count
         return (
             FlightConstant(
-                name=NAME,
+                name=FLOAT_AMBIGUITIES,
                 axes=tuple(f"element {k}" for k in range(n)),
                 unit="",
                 mean=np.zeros(n),

@@ -55,15 +55,6 @@ class Constraint(NamedTuple):
         root = np.linalg.cholesky(_SIGMA_M**2 * self.cycles @ self.cycles.T)
         return np.linalg.solve(root, self.cycles), np.linalg.solve(root, self.right)
 
-    def without(self, rows: BoolArray) -> "Constraint":
-        """Return the same without some of its combinations, (k,)."""
-        keep = ~rows
-        return self._replace(
-            cycles=self.cycles[keep],
-            right=self.right[keep],
-            combination=self.combination[keep],
-        )
-
 
 class Ambiguities(NamedTuple):
     """What is known of a block's A, in information form."""

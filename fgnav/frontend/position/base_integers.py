@@ -3,11 +3,8 @@
 A filter of ambiguities alone, with a free place at every epoch, yields differences of two arcs of
 one carrier, which are integers in cycles; those of which the bootstrapped success rate is high
 enough are fixed [1]_, refused where they lie further from the float solution than noise can be, and
-become constraints on the graph's variable A. A second filter that no integer has entered says at
-the end of each block how likely they still are: what another integer is likelier of is taken back
-(``base_faults``). Causal throughout: a filter has integers from the block after that in which they
-are fixed until the block after that in which they are taken back, when it forgets that it had them;
-others have those that hold at the end, from where their arcs begin.
+become constraints on the graph's variable A. Causal throughout: a filter has integers from the
+block after that in which they are fixed; others have them from where their arcs begin.
 
 References
 ----------
@@ -16,18 +13,13 @@ References
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.frontend.position.ambiguity_filter import (
-    Ambiguities,
-    ArcNames,
-    Constraint,
-)
-from fgnav.frontend.position.base_faults import Slip, largest, odds, slips
+from fgnav.frontend.position.ambiguity_filter import Ambiguities, ArcNames, Constraint
+from fgnav.frontend.position.arc_slips import Slip, largest, slips
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.integers.ils.partial import partial_integer_least_squares
@@ -35,7 +27,6 @@ from fgnav.integers.ils.partial import partial_integer_least_squares
 _WRONG_MAX = 1e-3  # chance that integers fixed together are not all right
 _DETERMINED_CYCLES = 0.05  # 1-sigma of a difference whose integer is fixed
 _LEAST_FIXED = 4  # arcs that make a position
-_LIKELIER = 0.5  # less probable integers are taken back
 
 
 class ArcSpan(NamedTuple):
@@ -46,7 +37,6 @@ class ArcSpan(NamedTuple):
     last: int  # block
     cycles: int
     wrong: float  # probability
-    likelier: int | None  # where it was taken back after its last block
 
 
 class BaseIntegers(NamedTuple):
@@ -56,36 +46,8 @@ class BaseIntegers(NamedTuple):
     fixed: BoolArray  # (b,), whether enough arcs of each block are fixed for a position
     wrong_probability: float
     arcs: tuple[ArcSpan, ...]
-    earlier: tuple[tuple[int, Sequence[ArcBlock]], ...]  # blocks as they were before a block
     slips: tuple[Slip, ...] = ()  # first epoch with any: all else is of blocks before
     at: tuple[int, int] = (0, 0)  # its block, and which of the block's epochs it is
-
-
-@dataclass(slots=True)
-class _Owner:
-    """Blocks with their epochs, and what is known of them so far."""
-
-    blocks: Sequence[ArcBlock]
-    names: list[ArcNames]
-    rows: Sequence[PhaseRows]
-    ends: IntArray  # (b + 1,), first epochs
-    state: Ambiguities = field(default_factory=Ambiguities)  # of the last block
-    constraints: list[Constraint] = field(default_factory=list)
-    current: dict[int, ArcSpan] = field(default_factory=dict)  # by arc
-    past: list[ArcSpan] = field(default_factory=list)
-
-    def epochs(self, j: int) -> list[tuple[FloatArray, FloatArray]]:
-        """Return rows of a block on A alone."""
-        return [self.rows[i].without_place() for i in range(self.ends[j], self.ends[j + 1])]
-
-    def go_on(self, j: int, epochs: list[tuple[FloatArray, FloatArray]]) -> None:
-        """Go on by a block and its epochs, with the constraints of the one before."""
-        for one in self.constraints:
-            if one.block == j - 1:
-                self.state = self.state.constrained(one)
-        self.state = self.state.led(self.blocks[j])
-        for H, z in epochs:
-            self.state = self.state.measured(H, z)
 
 
 def with_integers(
@@ -111,119 +73,48 @@ def with_integers(
         first that has all of their arcs.
     """
     ends = np.searchsorted(block, np.arange(len(blocks) + 1))
-    owner, free = _Owner(blocks, names, rows, ends), Ambiguities()
-    fixed = np.zeros(len(blocks), dtype=np.bool_)
-    earlier: list[tuple[int, Sequence[ArcBlock]]] = []
+    state, constraints = Ambiguities(), list[Constraint]()
+    fixed, spans = np.zeros(len(blocks), dtype=np.bool_), dict[tuple[int, int], ArcSpan]()
     for j in range(len(blocks)):
-        free, epochs = free.led(blocks[j]), owner.epochs(j)
-        for i, (H, z) in enumerate(epochs):
-            if jumped := slips(free, H, z, names[j]):
-                return BaseIntegers((), fixed, 0.0, (), (), jumped, (j, i))
-            free = free.measured(H, z)
-        owner.go_on(j, epochs)
-        before = list(owner.constraints)
-        if _checked(owner, j, free) and causal:
-            earlier.append((j + 1, _entered(blocks, names, before, causal=True)))
-        one, fixed[j] = _searched(j, names[j], owner.state)
+        state = state.led(blocks[j])
+        for i in range(ends[j], ends[j + 1]):
+            H, z = rows[i].without_place()
+            if jumped := slips(state, H, z, names[j]):
+                return BaseIntegers((), fixed, 0.0, (), jumped, (j, i - int(ends[j])))
+            state = state.measured(H, z)
+        one, fixed[j] = _searched(j, names[j], state)
         if one is not None:
-            owner.constraints.append(one)
+            constraints.append(one)
+            state = state.constrained(one)
+        _note(spans, j, names[j], state, constraints)
     if not causal:
-        for one in owner.constraints:
+        for one in constraints:
             fixed[_first_with(names, one) : one.block + 1] = True
-    success = float(np.prod([one.success for one in owner.constraints]))
-    out = _entered(blocks, names, owner.constraints, causal=causal)
-    if earlier and earlier[-1][0] == len(blocks):  # too late for any estimate
-        out = earlier.pop()[1]
-    arcs = (*owner.past, *owner.current.values())
-    return BaseIntegers(out, fixed, 1 - success, arcs, tuple(earlier))
+    success = float(np.prod([one.success for one in constraints]))
+    out = _entered(blocks, names, constraints, causal=causal)
+    return BaseIntegers(out, fixed, 1 - success, tuple(spans.values()))
 
 
-def _checked(owner: _Owner, j: int, free: Ambiguities) -> bool:
-    """Take back integers that others are likelier than; return whether there were any.
-
-    The probabilities of all others are noted.
-    """
-    names = owner.names[j]
-    rows, singles = _integer_combinations(owner, names)
-    if not len(rows):
-        return False
-    cycles = rows / names.wavelength_m
-    offset = cycles @ names.offset_m
-    rounded = np.rint(offset).astype(np.int64)
-    held = np.rint(owner.state.combined(cycles)[0] + offset).astype(np.int64)
-    floats, covariance = free.combined(cycles)
-    likely = odds(floats + offset - rounded, covariance, held - rounded)
-    if likely is None:
-        return False
-    is_back, other = likely.held < _LIKELIER, likely.likeliest + rounded
-    for i in range(singles):
-        a = int(rows[i].argmax())
-        changed = int(other[i]) if is_back and other[i] != held[i] else None
-        _noted(owner, names, a, j, (int(held[i]), float(likely.wrong[i]), changed))
-    if is_back:
-        _taken_back(owner, j, rows, other - held)
-    return is_back
-
-
-def _integer_combinations(owner: _Owner, names: ArcNames) -> tuple[FloatArray, int]:
-    """Return independent combinations of live arcs that are integers, (k, c).
-
-    First differences that are determined, how many there are of them, and then what else is fixed.
-    """
-    D, cycles = _by_difference(names)
-    rows = D[_sigma_cycles(owner.state, cycles) < _DETERMINED_CYCLES] if len(D) else D
-    singles = len(rows)
-    for one in owner.constraints:
-        for row in _on_arcs(one, names.arc)[0]:
-            more = np.vstack([rows, row])
-            if row.any() and np.linalg.matrix_rank(more) == len(more):
-                rows = more
-    return rows, singles
-
-
-def _on_arcs(one: Constraint, arc: IntArray) -> tuple[FloatArray, BoolArray]:
-    """Return combinations on arcs, (k, c), and which have others as well, (k,): zero here."""
-    _, at, of = np.intersect1d(arc, one.arc, return_indices=True)
-    rows = np.zeros((len(one.right), len(arc)))
-    rows[:, at] = one.combination[:, of]
-    others = np.delete(one.combination, of, axis=1).any(axis=1)
-    rows[others] = 0.0
-    return rows, np.asarray(others)
-
-
-def _noted(
-    owner: _Owner, names: ArcNames, a: int, j: int, of: tuple[int, float, int | None]
+def _note(
+    spans: dict[tuple[int, int], ArcSpan],
+    j: int,
+    names: ArcNames,
+    state: Ambiguities,
+    constraints: list[Constraint],
 ) -> None:
-    """Note an arc's integer, the chance that it is wrong, and what takes its place."""
-    cycles, wrong, likelier = of
-    arc, span = int(names.arc[a]), owner.current.pop(int(names.arc[a]), None)
-    if span is not None and span.cycles != cycles:  # an older arc of its carrier has ended
-        owner.past.append(span)
-        span = None
-    first = j if span is None else span.first
-    span = ArcSpan(names.link[a], first, j, cycles, wrong, likelier)
-    if likelier is None:
-        owner.current[arc] = span
-    else:
-        owner.past.append(span)
-
-
-def _taken_back(owner: _Owner, j: int, rows: FloatArray, by: IntArray) -> None:
-    """Drop the combinations that likelier integers contradict, and what is known by them.
-
-    Those of arcs that have ended as well: nothing tells any more whether they were right.
-    """
-    kept = []
-    for one in owner.constraints:
-        on_arcs, others = _on_arcs(one, owner.names[j].arc)
-        moved = np.linalg.lstsq(rows.T, on_arcs.T, rcond=None)[0].T @ by
-        live = np.isin(one.arc, owner.names[j].arc)
-        wrong = (np.abs(moved) > 1e-6) | (others & one.combination[:, live].any(axis=1))
-        if not wrong.all():
-            kept.append(one.without(wrong))
-    owner.constraints, owner.state = kept, Ambiguities()
-    for k in range(j + 1):
-        owner.go_on(k, owner.epochs(k))
+    """Note the integers that arcs of a block have, and the chance that each is wrong."""
+    D, cycles = _by_difference(names)
+    if not len(D) or not constraints:
+        return
+    floats, covariance = state.combined(cycles)
+    integers = np.rint(floats + cycles @ names.offset_m).astype(np.int64)
+    for i in np.flatnonzero(np.diag(covariance) < _DETERMINED_CYCLES**2):
+        a = int(D[i].argmax())
+        arc, held = int(names.arc[a]), int(integers[i])
+        of_arc = [one.success for one in constraints if arc in one.arc[one.used]]
+        wrong = 1 - min(of_arc, default=1.0)
+        span = spans.get((arc, held), ArcSpan(names.link[a], j, j, held, wrong))
+        spans[arc, held] = span._replace(last=j, wrong=wrong)
 
 
 def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | None, bool]:

@@ -69,25 +69,17 @@ def antenna_phase(
         blocks=live.blocks,
         first_block=live.first_block,
         arm_b_m=np.array(live.arms_b_m),
-        lever_column=constants.column("lever-arm"),
         constants=constants,
     )
     if resolved is None:
         return Phases(phase, live.goes_on)
-    begin = [one.begin_row for one in live.transitions]
-    phase = replace(
-        phase,
-        blocks=resolved.blocks,
-        earlier=tuple((begin[j], blocks) for j, blocks in resolved.earlier),
-    )
     spans_s = _spans_s(live, t_s)
-    rejections += [_taken_back(one, spans_s) for one in resolved.arcs if one.likelier is not None]
     return Phases(
-        phase,
+        replace(phase, blocks=resolved.blocks),
         live.goes_on,
         _notes(live, resolved),
         tuple(_reported(one, spans_s) for one in resolved.arcs),
-        tuple(sorted(rejections, key=lambda one: one.until_s)),
+        tuple(rejections),
     )
 
 
@@ -150,16 +142,6 @@ def _reported(one: ArcSpan, spans_s: list[tuple[float, float]]) -> ArcInteger:
         cycles=one.cycles,
         wrong_probability=one.wrong,
         by="base",
-    )
-
-
-def _taken_back(one: ArcSpan, spans_s: list[tuple[float, float]]) -> Rejected:
-    return Rejected(
-        what="phase",
-        link=one.link,
-        from_s=spans_s[one.first][0],
-        until_s=spans_s[one.last][1],
-        reason=f"integer {one.cycles} taken back: {one.likelier} is likelier",
     )
 
 

@@ -1,34 +1,25 @@
 """When fins hold a body's nose in the wind: as often as its sideslip is another one."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray
 from fgnav.graph.correlation import apart, inflation, interval_s
-from fgnav.graph.factors.vehicle.aerodynamic_angles import MEAN, WIND
+from fgnav.graph.factors.vehicle.aerodynamic_angles import MEAN, WIND, AerodynamicAngles
 from fgnav.graph.types.constants import FlightConstant, flight_constant
-from fgnav.types.vehicle import FinnedVehicle
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _WIDEST_RAD = 0.5  # the tangent of an angle is linear to a tenth below
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Airflow:
-    """Keyframes at which fins constrain the attitude, (k,)."""
+def airflow(
+    vehicle: FinnedVehicle | WheeledVehicle | None, t_s: FloatArray, v_n_mps: FloatArray
+) -> tuple[AerodynamicAngles | None, tuple[FlightConstant, ...]]:
+    """Return angles of keyframes, (n,), of about these velocities, (n, 3), wind and mean angles.
 
-    row: IntArray  # (k,)
-    sigma_rad: FloatArray  # (k, 2): of sideslip and angle of attack about their mean
-    # North and east, m/s; mean sideslip and angle of attack, rad.
-    wind: FlightConstant
-    mean: FlightConstant
-
-
-def airflow(vehicle: FinnedVehicle, t_s: FloatArray, v_n_mps: FloatArray) -> Airflow:
-    """Return when fins constrain keyframes, (n,), of about these velocities, (n, 3).
-
-    Not where the body is so slow that air may flow from anywhere.
+    Not where the body is so slow that air may flow from anywhere; None without fins.
     """
+    if not isinstance(vehicle, FinnedVehicle):
+        return None, ()
     angles_rad = np.array([vehicle.sideslip_sigma_rad, vehicle.attack_sigma_rad])
     speed_mps = np.linalg.norm(v_n_mps, axis=1)
     air_mps = np.hypot(vehicle.wind_sigma_mps, vehicle.crossflow_sigma_mps)
@@ -40,9 +31,6 @@ def airflow(vehicle: FinnedVehicle, t_s: FloatArray, v_n_mps: FloatArray) -> Air
     varying_rad2 = (1.0 - vehicle.constant_share) * angles_rad**2 + crossflow_rad[:, None] ** 2
     sigma_rad = np.sqrt(inflation(vehicle.half_life_s, between_s) * varying_rad2)
     mean_sigma_rad = np.sqrt(vehicle.constant_share) * angles_rad
-    return Airflow(
-        row=row,
-        sigma_rad=sigma_rad,
-        wind=flight_constant(WIND, ("north", "east"), "m/s", vehicle.wind_sigma_mps),
-        mean=flight_constant(MEAN, ("sideslip", "attack"), "rad", mean_sigma_rad),
-    )
+    wind = flight_constant(WIND, ("north", "east"), "m/s", vehicle.wind_sigma_mps)
+    mean = flight_constant(MEAN, ("sideslip", "attack"), "rad", mean_sigma_rad)
+    return AerodynamicAngles(row=row, sigma_rad=sigma_rad), (wind, mean)

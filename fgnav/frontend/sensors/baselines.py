@@ -1,28 +1,19 @@
 """Baselines of receivers, brought to the keyframes."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fgnav.attitude.receiver_baselines import BodyBaseline, body_baseline
 from fgnav.checks import FloatArray, IntArray, Loss
 from fgnav.frontend.matching import nearest, unused
+from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.types.flight import Flight
 
 _DIMENSIONS = {"vector": 3, "direction": 2, "heading": 1}
 
 
-class BaselineRows(NamedTuple):
-    """A receiver's baselines at keyframes, (k,); see ``BaselineVector``."""
-
-    row: IntArray
-    value_n_m: FloatArray
-    white: FloatArray
-    baseline_b_m: FloatArray
-    dimensions: int
-
-
-def baselines(flight: Flight, t_s: FloatArray) -> tuple[tuple[BaselineRows, ...], tuple[Loss, ...]]:
+def baselines(
+    flight: Flight, t_s: FloatArray
+) -> tuple[tuple[BaselineVector, ...], tuple[Loss, ...]]:
     """Return the baselines of a flight's receivers at keyframes, (n,).
 
     Raises
@@ -30,7 +21,7 @@ def baselines(flight: Flight, t_s: FloatArray) -> tuple[tuple[BaselineRows, ...]
     BadInputError
         If both antennas of one are at the same place.
     """
-    parts: list[BaselineRows] = []
+    parts: list[BaselineVector] = []
     losses: list[Loss] = []
     for one in flight.baselines:
         if not len(one.t_s):
@@ -42,7 +33,7 @@ def baselines(flight: Flight, t_s: FloatArray) -> tuple[tuple[BaselineRows, ...]
     return tuple(parts), tuple(losses)
 
 
-def _rows(between: BodyBaseline, at: IntArray, row: IntArray) -> BaselineRows:
+def _rows(between: BodyBaseline, at: IntArray, row: IntArray) -> BaselineVector:
     """Return rows that whiten a baseline's samples ``at``, (k,)."""
     of = between.of
     value, dimensions = of.vector_n_m[at], _DIMENSIONS[of.measured]
@@ -52,4 +43,10 @@ def _rows(between: BodyBaseline, at: IntArray, row: IntArray) -> BaselineRows:
         white[:, 0, :2] = right / of.heading_sigma_rad[at, None]
     else:
         white = np.linalg.inv(np.linalg.cholesky(of.covariance_m2[at]))
-    return BaselineRows(row, value, white, between.vector_b_m, dimensions)
+    return BaselineVector(
+        row=row,
+        value_n_m=value,
+        white=white,
+        baseline_b_m=between.vector_b_m,
+        dimensions=dimensions,
+    )

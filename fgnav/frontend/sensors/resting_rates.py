@@ -5,24 +5,15 @@ another differ by noise alone: half their mean square is its variance, of each a
 sheet says (the Allan variance of a second; IEEE Std 952-1997, annex C).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray
 from fgnav.frontend.sensors.standstill import WINDOW_S, Standing
+from fgnav.graph.factors.vehicle.resting_rate import RestingRate
 from fgnav.types.flight import Imu
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _FEWEST = 5  # differences, by which a sigma is known to a third
-
-
-class RestingRates(NamedTuple):
-    """Keyframes at which a vehicle has stood for a second, (k,), rates and sigmas, (k, 3)."""
-
-    row: IntArray
-    measured_b_radps: FloatArray
-    sigma_radps: FloatArray
 
 
 def resting_rates(
@@ -30,9 +21,10 @@ def resting_rates(
     imu: Imu,
     t_s: FloatArray,
     stands: Standing,
+    earth_rate_n_radps: FloatArray,
     *,
     causal: bool = False,
-) -> RestingRates | None:
+) -> RestingRate | None:
     """Return the rates at rest of keyframes, (n,); None without wheels, gyroscope or rest.
 
     Causal: sigmas are by the seconds up to each.
@@ -53,4 +45,9 @@ def resting_rates(
     good = (number >= _FEWEST) & (variance > 0).all(axis=1)
     if not good.any():
         return None
-    return RestingRates(row[good], mean[good], np.sqrt(variance[good]))
+    return RestingRate(
+        row=row[good],
+        measured_b_radps=mean[good],
+        sigma_radps=np.sqrt(variance[good]),
+        earth_rate_n_radps=earth_rate_n_radps,
+    )

@@ -5,7 +5,7 @@ constant apart are constants of the flight, as correlated as a Gauss-Markov proc
 straight lines between them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +13,9 @@ from fgnav.checks import FloatArray, Loss, losses_of
 from fgnav.frontend.gaps import LONGEST_STEP_S
 from fgnav.frontend.matching import SAME_S
 from fgnav.geometry.earth import Origin, geodetic
+from fgnav.graph.factors.barometer import OFFSET, BarometricHeight
 from fgnav.graph.factors.directions import Directions
+from fgnav.graph.factors.magnetometer import HARD_IRON, MagneticField
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.surroundings import Barometer, Magnetometer
@@ -24,31 +26,12 @@ _DIGITS = 1e-6  # of an offset: less than that between its times digits do not t
 _LONGEST_S = 2.0  # between samples: across longer ones nothing is interpolated
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Heights:
-    """Barometric heights at keyframes."""
-
-    # Where the port is along the third axis of ``n``; NaN where there is none.
-    down_n_m: FloatArray  # (n,)
-    sigma_m: float  # of what is new at each keyframe
-    arm_b_m: FloatArray  # (3,): from the accelerometer to the port
-    place: FloatArray  # (n,): where each keyframe lies among the times of the drift, in intervals
-    offset: FlightConstant  # what is to be taken off heights, at those times
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class MagneticField:
-    """The magnetic field at keyframes."""
-
-    directions: Directions
-    field_n_ut: FloatArray  # (3,)
-    iron: FlightConstant  # the vehicle's own field
-
-
 def heights(
     flight: Flight, imu: Imu, t_s: FloatArray, p_n_m: FloatArray, *, causal: bool = False
-) -> tuple[Heights | None, tuple[Loss, ...]]:
-    """Return barometric heights at keyframes, (n,), the ellipsoid taken as flat about each place.
+) -> tuple[BarometricHeight | None, tuple[FlightConstant, ...], tuple[Loss, ...]]:
+    """Return barometric heights at keyframes, (n,), and what is to be taken off them.
+
+    The ellipsoid is taken as flat about each place.
 
     Parameters
     ----------
@@ -63,25 +46,26 @@ def heights(
     """
     barometer = flight.barometer
     if barometer is None or not len(barometer.t_s):
-        return None, ()
+        return None, (), ()
     take = _latest if causal else _sampled
     value, losses = take("barometric height", barometer.t_s, barometer.height_m[:, None], t_s)
     if causal and barometer.wander_m:
         noise_m = float(np.hypot(barometer.noise_m, _as_noise_m(barometer)))
         barometer = replace(barometer, wander_m=0.0, noise_m=noise_m)
-    measured = heights_of(barometer, imu.position_b_m, flight.origin, t_s, p_n_m, value[:, 0])
-    return measured, losses
+    of = barometer, imu.position_b_m, flight.origin
+    sensor, offset = height_sensor(*of, t_s, p_n_m, value[:, 0])
+    return sensor, (offset,), losses
 
 
-def heights_of(
+def height_sensor(
     barometer: Barometer,
     accelerometer_b_m: FloatArray,
     origin: Origin,
     t_s: FloatArray,
     p_n_m: FloatArray,
     height_m: FloatArray,
-) -> Heights:
-    """Return what a barometer's heights at keyframes, (n,), NaN of none, as down coordinates.
+) -> tuple[BarometricHeight, FlightConstant]:
+    """Return a barometer's heights at keyframes, (n,), NaN of none, and their offset.
 
     Parameters
     ----------
@@ -96,28 +80,37 @@ def heights_of(
     """
     times_s = _times(barometer, t_s)
     missed_m2 = _between(barometer, times_s, t_s)
-    return Heights(
-        down_n_m=p_n_m[:, 2] + geodetic(origin.to_e(p_n_m))[:, 2] - height_m,
+    row = np.flatnonzero(np.isfinite(height_m))
+    above_m = geodetic(origin.to_e(p_n_m[row]))[:, 2]
+    place = np.interp(t_s[row], times_s, np.arange(len(times_s)))
+    node = np.floor(place).astype(np.int64)
+    sensor = BarometricHeight(
+        row=row,
+        down_n_m=p_n_m[row, 2] + above_m - height_m[row],
         sigma_m=float(np.sqrt(barometer.noise_m**2 + missed_m2)),
         arm_b_m=barometer.position_b_m - accelerometer_b_m,
-        place=np.interp(t_s, times_s, np.arange(len(times_s))),
-        offset=_offset(barometer, times_s),
+        node=node,
+        share=place - node,
     )
+    return sensor, _offset(barometer, times_s)
 
 
 def magnetic_field(
     sensor: Magnetometer | None, t_s: FloatArray, *, causal: bool = False
-) -> tuple[MagneticField | None, tuple[Loss, ...]]:
-    """Return directions of the magnetic field at keyframes, (n,)."""
+) -> tuple[MagneticField | None, tuple[FlightConstant, ...], tuple[Loss, ...]]:
+    """Return directions of the magnetic field at keyframes, (n,), and the vehicle's own field."""
     if sensor is None or not len(sensor.t_s):
-        return None, ()
+        return None, (), ()
     take = _latest if causal else _sampled
     value, losses = take("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
-    return field_of(sensor, value), losses
+    directions, iron = field_sensor(sensor, value)
+    return directions, (iron,), losses
 
 
-def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
-    """Return directions by a magnetometer's samples at keyframes, (n, 3), NaN rows of none.
+def field_sensor(
+    sensor: Magnetometer, field_b_ut: FloatArray
+) -> tuple[MagneticField, FlightConstant]:
+    """Return directions by samples at keyframes, (n, 3), NaN rows of none, and the hard iron.
 
     Parameters
     ----------
@@ -129,12 +122,10 @@ def field_of(sensor: Magnetometer, field_b_ut: FloatArray) -> MagneticField:
     size_ut[size_ut == 0] = np.nan
     # A larger one is of another unit, or of another field: its direction is known no better.
     sigma_rad = sensor.noise_ut / np.minimum(size_ut, np.linalg.norm(sensor.field_n_ut))
-    axes = ("x_b", "y_b", "z_b")
-    return MagneticField(
-        directions=Directions.isotropic(field_b_ut / size_ut[:, None], sigma_rad),
-        field_n_ut=sensor.field_n_ut,
-        iron=flight_constant("hard iron", axes, "uT", sensor.hard_iron_ut),
-    )
+    seen = Directions.isotropic(field_b_ut / size_ut[:, None], sigma_rad)
+    across_b = seen.across_b[seen.row]
+    iron = flight_constant(HARD_IRON, ("x_b", "y_b", "z_b"), "uT", sensor.hard_iron_ut)
+    return MagneticField(row=seen.row, across_b=across_b, field_n_ut=sensor.field_n_ut), iron
 
 
 def _sampled(
@@ -221,7 +212,7 @@ def _offset(barometer: Barometer, times_s: FloatArray) -> FlightConstant:
     n = len(times_s)
     apart_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
     return FlightConstant(
-        name="barometer",
+        name=OFFSET,
         axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
         unit="m",
         mean=np.zeros(n),

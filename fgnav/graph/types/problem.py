@@ -90,12 +90,20 @@ class Problem:
         return len(self.t_s), self.constants.width
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "Problem":
-        """Return the same with more constants, after those it has."""
+        """Return the same with more constants, after those it has, for its sensors and phases."""
+        if not parts:
+            return self
         constants = Constants((*self.constants.parts, *parts))
         start = self.start._replace(
             constants=np.concatenate([self.start.constants, *(p.start for p in parts)])
         )
-        return replace(self, constants=constants, start=start)
+        return replace(
+            self,
+            constants=constants,
+            start=start,
+            sensors=tuple(sensor.bound(constants) for sensor in self.sensors),
+            phase=self.phase and replace(self.phase, constants=constants),
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

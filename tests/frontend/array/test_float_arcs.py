@@ -12,11 +12,12 @@ from numpy.testing import assert_allclose
 
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.frontend import motion
-from fgnav.frontend.array.float_arcs import ELEMENTS, NAME, _adjusted
+from fgnav.frontend.array.float_arcs import ELEMENTS, _adjusted
 from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.frontend.problem import build_problem
 from fgnav.frontend.settings import ProblemSettings
 from fgnav.geometry import rotations
+from fgnav.graph.factors.array_phase import FLOAT_AMBIGUITIES
 from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.gnss.tables import OutageTable
@@ -124,12 +125,12 @@ def test_attitudes_beside_what_they_share_are_estimated_from_far_off():
 
 def test_epochs_without_integers_share_nine_constants_and_know_their_attitude(flight, prepared):
     problem, array = prepared.problem, array_of(prepared)
-    shared = array.element_column >= 0
+    shared = array.stretch >= 0
     np.testing.assert_array_equal(shared, inside(problem.t_s[array.row]))
-    first = problem.constants.column(NAME)
-    assert (array.element_column[shared] == first).all()
-    assert problem.constants.columns(NAME) == slice(first, first + ELEMENTS)
-    (constant,) = (one for one in problem.constants.parts if one.name == NAME)
+    first = problem.constants.column(FLOAT_AMBIGUITIES)
+    assert not array.stretch[shared].any()
+    assert problem.constants.columns(FLOAT_AMBIGUITIES) == slice(first, first + ELEMENTS)
+    (constant,) = (one for one in problem.constants.parts if one.name == FLOAT_AMBIGUITIES)
     assert constant.linear
     assert not constant.reported
     assert any("Float ambiguities: 35 arcs" in note for note in prepared.notes)
@@ -146,8 +147,8 @@ def test_epochs_without_integers_share_nine_constants_and_know_their_attitude(fl
 
 def test_epochs_with_integers_have_no_such_constants(flight):
     prepared = build_problem(flight, ProblemSettings(resolver=Truth(), rate_prior=PRIOR))
-    assert (array_of(prepared).element_column == -1).all()
-    assert prepared.problem.constants.column(NAME) == -1
+    assert (array_of(prepared).stretch == -1).all()
+    assert prepared.problem.constants.column(FLOAT_AMBIGUITIES) == -1
 
 
 def test_where_antennas_are_estimated_such_epochs_take_no_part(flight):
@@ -155,7 +156,7 @@ def test_where_antennas_are_estimated_such_epochs_take_no_part(flight):
     requests = calibration_requests(("antenna:a4",))
     settings = ProblemSettings(resolver=Cut(), rate_prior=PRIOR, calibration=requests)
     problem = build_problem(flight, settings).problem
-    assert problem.constants.column(NAME) == -1
+    assert problem.constants.column(FLOAT_AMBIGUITIES) == -1
     assert not problem.attitude_known[inside(problem.t_s)].any()
 
 

@@ -5,20 +5,11 @@ import numpy as np
 
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, States
 
 STEP = 1e-6
-
-
-def constants(*sizes: int) -> Constants:
-    """Return parts of these sizes, named a, b, ..."""
-    parts = [
-        flight_constant("abcdefgh"[i], tuple("xyzuvwrst"[:d]), "m", 1.0)
-        for i, d in enumerate(sizes)
-    ]
-    return Constants(tuple(parts))
 
 
 def random_states(
@@ -114,3 +105,9 @@ def assert_gtsam_says_the_same(
         scale = np.sqrt(size) * max(np.linalg.norm(value[i]), 1.0)
         np.testing.assert_allclose(g, J.T @ value[i], rtol=0, atol=rtol * scale)
         np.testing.assert_allclose(cost, value[i] @ value[i], rtol=rtol)
+
+
+def assert_factor(measurement: Sensor, at: States, shared: Constants) -> None:
+    """Hold a sensor's Jacobians against differences, and its GTSAM factors against the kernel."""
+    assert_jacobians(measurement, at)
+    assert_gtsam_says_the_same(measurement, at, shared)

@@ -1,201 +1,208 @@
-"""Sensors of every kind with random values, by the constants that they share."""
+"""One of every sensor, of random measurements."""
 
 import numpy as np
 
 from fgnav.geometry.rotations import exp
-from fgnav.graph.factors.array_phase import ArrayPhase
+from fgnav.graph.delayed import (
+    CLOCK_OFFSET,
+    CLOCK_RATE,
+    VELOCITY_DELAY,
+    TimedMotion,
+    on_clock,
+)
+from fgnav.graph.factors import array_phase, barometer, gravity, line_of_sight, magnetometer
 from fgnav.graph.factors.array_shape import ArrayShape
-from fgnav.graph.factors.barometer import BarometricHeight
 from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.graph.factors.directions import Directions
-from fgnav.graph.factors.gravity import Gravity
-from fgnav.graph.factors.line_of_sight import LineOfSight
-from fgnav.graph.factors.magnetometer import MagneticField
-from fgnav.graph.factors.position import Position
-from fgnav.graph.factors.vehicle.aerodynamic_angles import AerodynamicAngles
+from fgnav.graph.factors.position import LEVER_ARM, Position
+from fgnav.graph.factors.vehicle import aerodynamic_angles, wheels
 from fgnav.graph.factors.vehicle.resting_rate import RestingRate
 from fgnav.graph.factors.vehicle.standstill import Standstill
-from fgnav.graph.factors.vehicle.wheels import RollingWheels
 from fgnav.graph.factors.velocity import Velocity
-from tests.graph.factors import cases
+from fgnav.graph.types.constants import Constants, flight_constant
 
-K, ALL = 4, np.arange(4)
-SHARED = cases.constants(3, 2, 3, 9, 2)
+K = 4
+ROWS = np.arange(K)
 EARTH_N_RADPS = np.array([5e-2, 0.0, -4e-2])  # a thousand times the Earth's: so that it is seen
 FIELD_N_UT = np.array([20.0, 1.0, 45.0])
+SIZES = {
+    "another": 2,  # of no sensor
+    LEVER_ARM: 3,
+    array_phase.FLOAT_AMBIGUITIES: 18,
+    "antenna a2": 3,
+    barometer.OFFSET: 3,
+    gravity.TILT: 2,
+    line_of_sight.LANDMARK: 3,
+    line_of_sight.BORESIGHT: 2,
+    magnetometer.HARD_IRON: 3,
+    aerodynamic_angles.WIND: 2,
+    aerodynamic_angles.MEAN: 2,
+    wheels.AXES: 2,
+    wheels.AXLE: 3,
+    CLOCK_OFFSET: 1,
+    CLOCK_RATE: 1,
+    VELOCITY_DELAY: 1,
+}
 
 
-def column(name, *, wanted=True):
-    return SHARED.column(name) if wanted else -1
-
-
-def whites(rng):
-    return np.tril(rng.normal(size=(K, 3, 3))) + 2 * np.eye(3)
+def constants(*names):
+    """Return constants of these names."""
+    parts = (flight_constant(n, tuple(map(str, range(SIZES[n]))), "m", 1.0) for n in names)
+    return Constants(tuple(parts))
 
 
 def unit(v):
     return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
-def rates(rng, at):
-    """Return a gyroscope's rates where the states have its bias."""
-    return rng.normal(size=(K, 3)) if at.aux.shape[1] == 6 else None
+def across(rng, e_b):
+    """Return whitening rows of an ellipse of 0.2 to 1 degree across directions."""
+    sigma_rad = np.radians(rng.uniform(0.2, 1.0, size=(len(e_b), 3, 1)))
+    root = sigma_rad * exp(rng.normal(size=(len(e_b), 3)))
+    return Directions.of("some", e_b, root @ root.swapaxes(1, 2)).across_b
 
 
-def position(rng, _at, *, lever=False) -> Position:
-    return Position(
-        row=ALL,
-        value_n_m=50 * rng.normal(size=(K, 3)),
-        white=whites(rng),
-        arm_b_m=rng.normal(size=3),
-        lever_column=column("a", wanted=lever),
-        constants=SHARED,
-    )
+def lower(rng):
+    return np.tril(rng.normal(size=(K, 3, 3))) + 2 * np.eye(3)
 
 
-def velocity(rng, at, *, lever=False, arm=True, constants=SHARED) -> Velocity:
+def position(rng, _at):
+    value_n_m, arm_b_m = 50 * rng.normal(size=(K, 3)), rng.normal(size=3)
+    return Position(row=ROWS, value_n_m=value_n_m, white=lower(rng), arm_b_m=arm_b_m)
+
+
+def velocity(rng, at, *, arm=True):
+    gyroscope = at.aux.shape[1] == 6
     return Velocity(
-        row=ALL,
+        row=ROWS,
         value_n_mps=10 * rng.normal(size=(K, 3)),
-        white=whites(rng),
+        white=lower(rng),
         arm_b_m=rng.normal(size=3) if arm else np.zeros(3),
-        measured_b_radps=rates(rng, at),
+        measured_b_radps=rng.normal(size=(K, 3)) if gyroscope else None,
         earth_rate_n_radps=EARTH_N_RADPS,
-        lever_column=column("a", wanted=lever),
-        constants=constants,
     )
 
 
-def height(rng, _at, *, offset=True, sigma_m=0.4) -> BarometricHeight:
-    return BarometricHeight(
-        row=ALL,
-        down_n_m=50 * rng.normal(size=K),
-        sigma_m=sigma_m,
-        arm_b_m=rng.normal(size=3),
-        column=column("a", wanted=offset),
-        node=np.array([0, 0, 1, 2]),
-        share=np.array([0.0, 0.4, 0.9, 0.0]),
-        constants=SHARED,
+def accelerometer_velocity(rng, at):
+    return velocity(rng, at, arm=False)
+
+
+def timed(rng, at):
+    gyroscope, force = at.aux.shape[1] == 6, rng.normal(size=(K, 3))
+    return TimedMotion(
+        since_s=np.array([-20.0, 5.0, 10.0, 30.0]),
+        force_before_b_mps2=force,  # the same before and after: differences cross zero
+        force_after_b_mps2=force,
+        led=np.ones(K, dtype=bool),
+        measured_b_radps=rng.normal(size=(K, 3)) if gyroscope else None,
+        slope_b_radps2=rng.normal(size=(K, 3)) if gyroscope else None,
+        gravity_n_mps2=np.tile([0.0, 0.0, 9.8], (K, 1)),
+        earth_rate_n_radps=EARTH_N_RADPS,
     )
 
 
-def baseline(rng, _at, *, dimensions=3) -> BaselineVector:
-    value, white = rng.normal(size=(K, 3)), whites(rng)
+def late_velocity(rng, at):
+    times = constants(CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY)
+    return on_clock(velocity(rng, at).bound(times), timed(rng, at), delay=VELOCITY_DELAY)
+
+
+def phases(rng, _at, *, correlated=0):
+    return array_phase.ArrayPhase(
+        row=ROWS,
+        root=100 * rng.normal(size=(K, 9, 9)),
+        minimum=exp(rng.normal(size=(K, 3))),
+        stretch=np.array([-1, 0, 1, -1]),
+        share=np.linspace(0.0, 0.9, K),
+        basis=np.linalg.qr(rng.normal(size=(9, 9)))[0][:, :correlated],
+    )
+
+
+def shape(rng, _at):
+    return ArrayShape(
+        row=ROWS,
+        root=100 * rng.normal(size=(K, 12, 12)),
+        minimum_n_m=rng.normal(size=(K, 4, 3)),
+        baselines_b_m=rng.normal(size=(4, 3)),
+        antennas=("a1", "a2", "a3", "a4"),
+    )
+
+
+def baseline(rng, dimensions):
+    value, white = rng.normal(size=(K, 3)), lower(rng)
     if dimensions == 1:
-        value[:, 2] = 0.0
-        value = unit(value)
+        value = unit(value * [1.0, 1.0, 0.0])
         white = np.zeros((K, 3, 3))
         white[:, 0] = 20.0 * np.stack([-value[:, 1], value[:, 0], 0 * value[:, 0]], axis=1)
     return BaselineVector(
-        row=ALL,
+        row=ROWS,
         value_n_m=value,
         white=white,
         baseline_b_m=rng.normal(size=3),
         dimensions=dimensions,
-        constants=SHARED,
     )
 
 
-def array_shape(rng, _at, *, antennas=4, moved=()) -> ArrayShape:
-    """Return an array; antennas that are ``moved`` have constants, by their names."""
-    columns = [column(name) for name in moved] + [-1] * (antennas - len(moved))
-    return ArrayShape(
-        row=ALL,
-        root=100 * rng.normal(size=(K, 3 * antennas, 3 * antennas)),
-        minimum_n_m=rng.normal(size=(K, antennas, 3)),
-        baselines_b_m=rng.normal(size=(antennas, 3)),
-        column=np.array(columns),
-        constants=SHARED,
-    )
+def vector(rng, _at):
+    return baseline(rng, 3)
 
 
-def array_phase(rng, _at, *, stretch=False, lasting=0) -> ArrayPhase:
-    columns = np.full(K, -1)
-    if stretch:
-        columns[1:3] = column("d")
-    return ArrayPhase(
-        row=ALL,
-        root=100 * rng.normal(size=(K, 9, 9)),
-        minimum=exp(rng.normal(size=(K, 3))),
-        element_column=columns,
-        constants=SHARED,
-        share=np.linspace(0.0, 0.9, K),
-        basis=np.linalg.qr(rng.normal(size=(9, 9)))[0][:, :lasting],
-    )
+def heading(rng, _at):
+    return baseline(rng, 1)
 
 
-def directions(rng, at, known_n, size=0.02):
-    """Return directions near known ones, and whitening rows of an ellipse across them."""
-    e_b = unit(np.einsum("nji,nj->ni", at.R_nb, known_n) + size * rng.normal(size=(K, 3)))
-    root = np.radians(rng.uniform(0.2, 1.0, size=(K, 3, 1))) * exp(rng.normal(size=(K, 3)))
-    return e_b, Directions.of("some", e_b, root @ root.swapaxes(1, 2)).across_b
-
-
-def gravity(rng, at, *, tilt=False) -> Gravity:
+def down(rng, at):
     known_n = unit(np.array([0.0, 0.0, 1.0]) + 0.01 * rng.normal(size=(K, 3)))
-    return Gravity(
-        row=ALL,
-        known_n=known_n,
-        across_b=directions(rng, at, known_n)[1],
-        tilt_column=column("b", wanted=tilt),
-        constants=SHARED,
+    e_b = unit(np.einsum("nji,nj->ni", at.R_nb, known_n) + 0.02 * rng.normal(size=(K, 3)))
+    return gravity.Gravity(row=ROWS, known_n=known_n, across_b=across(rng, e_b))
+
+
+def sight(rng, at, landmark_n_m=None):
+    away_n = (at.constants[:3] if landmark_n_m is None else landmark_n_m) - at.p_n_m
+    e_b = unit(np.einsum("nji,nj->ni", at.R_nb, unit(away_n)) + 0.02 * rng.normal(size=(K, 3)))
+    return line_of_sight.LineOfSight(row=ROWS, across_b=across(rng, e_b))
+
+
+def field(rng, at):
+    e_b = unit(np.einsum("nji,j->ni", at.R_nb, FIELD_N_UT) + rng.normal(size=(K, 3)))
+    of = across(rng, e_b)
+    return magnetometer.MagneticField(row=ROWS, across_b=of, field_n_ut=FIELD_N_UT)
+
+
+def height(rng, _at, *, sigma_m=0.4):
+    return barometer.BarometricHeight(
+        row=ROWS,
+        down_n_m=50 * rng.normal(size=K),
+        sigma_m=sigma_m,
+        arm_b_m=rng.normal(size=3),
+        node=np.array([0, 0, 1, 2]),
+        share=np.array([0.0, 0.4, 0.9, 0.0]),
     )
 
 
-def sight(rng, at, *, boresight=False) -> LineOfSight:
-    away_n = at.constants[column("a") :][:3] - at.p_n_m
-    return LineOfSight(
-        row=ALL,
-        across_b=directions(rng, at, unit(away_n))[1],
-        landmark_column=column("a"),
-        boresight_column=column("b", wanted=boresight),
-        constants=SHARED,
-    )
-
-
-def field(rng, at, *, iron=False) -> MagneticField:
-    known_n = np.tile(unit(FIELD_N_UT), (K, 1))
-    return MagneticField(
-        row=ALL,
-        across_b=directions(rng, at, known_n)[1],
-        field_n_ut=FIELD_N_UT,
-        iron_column=column("a", wanted=iron),
-        constants=SHARED,
-    )
-
-
-def fins(rng, _at) -> AerodynamicAngles:
-    return AerodynamicAngles(
-        row=ALL,
-        sigma_rad=rng.uniform(0.05, 0.2, (K, 2)),
-        wind_column=column("b"),
-        mean_column=column("e"),
-        constants=SHARED,
-    )
-
-
-def wheels(rng, at) -> RollingWheels:
-    return RollingWheels(
-        row=ALL,
+def rolling(rng, at):
+    gyroscope = at.aux.shape[1] == 6
+    return wheels.RollingWheels(
+        row=ROWS,
         slip_mps=0.3,
         arm_b_m=rng.normal(size=3),
-        measured_b_radps=rates(rng, at),
+        measured_b_radps=rng.normal(size=(K, 3)) if gyroscope else None,
         earth_rate_n_radps=EARTH_N_RADPS,
-        axes_column=column("b"),
-        axle_column=column("c"),
-        constants=SHARED,
     )
 
 
-def standstill(rng, _at) -> Standstill:
-    return Standstill(row=ALL, sigma_mps=rng.uniform(0.01, 0.1, K))
+def airflow(rng, _at):
+    sigma_rad = rng.uniform(0.05, 0.2, (K, 2))
+    return aerodynamic_angles.AerodynamicAngles(row=ROWS, sigma_rad=sigma_rad)
 
 
-def resting(rng, at) -> RestingRate:
+def standing(rng, _at):
+    return Standstill(row=ROWS, sigma_mps=rng.uniform(0.01, 0.1, K))
+
+
+def resting(rng, _at):
     return RestingRate(
-        row=ALL,
-        measured_b_radps=1e-3 * rates(rng, at),
+        row=ROWS,
+        measured_b_radps=rng.normal(scale=1e-3, size=(K, 3)),
         sigma_radps=rng.uniform(1e-5, 1e-4, (K, 3)),
         earth_rate_n_radps=EARTH_N_RADPS,
-        constants=SHARED,
     )

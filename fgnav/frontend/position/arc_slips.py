@@ -1,13 +1,8 @@
-"""Slips that nobody flagged, and integers that are wrong: detected, identified, adapted [1]_.
+"""Slips that nobody flagged, along arcs against a base: detected, identified, adapted [1]_.
 
 A slip shows in the innovation of an epoch's phases before the update: rows without the place of the
 antenna are known to millimetres. The arc whose shift explains most of it is the one, if that is by
-half a cycle or more, and what is left is noise. A new arc begins there. Of the filter that no
-integer has entered: a wrong one is no slip.
-
-An integer is wrong where another is likelier: of integers z of all arcs that have one, P(z) is as
-``exp(-c(z) / 2)``, c by the float solution that none of them has entered. What differs is taken
-back.
+half a cycle or more, and what is left is noise. A new arc begins there.
 
 References
 ----------
@@ -19,15 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray
 from fgnav.frontend.position.ambiguity_filter import Ambiguities, ArcNames
-from fgnav.integers.ils.search import OK, checked_problem, solve
 
 _FALSE_ALARM = 1e-4  # of the test of an epoch's innovation
 _STEP_CYCLES = 0.5  # half of one, where the sign of the carrier is not resolved
 _UNTESTABLE = 1e-9  # of what another arc's shift shows by
-_CANDIDATES = 16  # integers compared: what others weigh is below rounding by then
-_NODES = 100_000  # of a search: float solutions far from integers prove nothing
 
 
 class Slip(NamedTuple):
@@ -35,14 +27,6 @@ class Slip(NamedTuple):
 
     arc: int  # of its block's
     cycles: float
-
-
-class Odds(NamedTuple):
-    """How likely integers of arcs are."""
-
-    likeliest: IntArray  # (d,)
-    wrong: FloatArray  # (d,), that each is not as held
-    held: float  # probability of those held, all together
 
 
 def slips(state: Ambiguities, H: FloatArray, z: FloatArray, names: ArcNames) -> tuple[Slip, ...]:
@@ -80,23 +64,6 @@ def _explained_by(shift: FloatArray, W: FloatArray, r: FloatArray, chosen: list[
     squares = np.diag(normal)
     testable = squares > _UNTESTABLE * np.diag(shift.T @ W).max()  # a new arc shows no slip
     return np.where(testable, pull**2 / np.where(testable, squares, 1.0), 0.0)
-
-
-def odds(floats: FloatArray, covariance: FloatArray, held: IntArray) -> Odds | None:
-    """Return how likely integers, (d,), are by a float solution; None where it cannot tell."""
-    values, metric = checked_problem(floats, (covariance + covariance.T) / 2, _CANDIDATES)
-    status, integers, costs = solve(values, metric, _CANDIDATES, _NODES)
-    if status != OK:
-        return None
-    off = floats - held
-    cost = float(off @ np.linalg.solve(covariance, off))
-    if not (integers == held).all(axis=1).any():
-        integers, costs = np.vstack([integers, held]), np.append(costs, cost)
-    weight = np.exp(-(costs - costs.min()) / 2)
-    weight /= weight.sum()
-    same = integers == held
-    wrong = ((~same) * weight[:, None]).sum(axis=0)
-    return Odds(integers[0], wrong, float(weight[same.all(axis=1)].sum()))
 
 
 def largest(freedom: int) -> float:
