@@ -23,8 +23,8 @@ def case(array_differences, true_state):
 def test_a_changed_integer_is_wrong_and_an_open_one_is_not_fixed(case):
     differences, right = case
     cycles, fixed = right.cycles.copy(), right.fixed.copy()
-    cycles[0, 0, 0] += 1
-    fixed[1, 0, 0] = False
+    cycles[0, 0, 1] += 1
+    fixed[1, 0, 1] = False
     counts = count_integers(differences, replace(right, cycles=cycles, fixed=fixed), right)
     assert counts.wrong == 1
     assert counts.right == 8 * BASELINES * PAIRS - 2
