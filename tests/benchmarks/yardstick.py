@@ -17,8 +17,6 @@ from dataclasses import asdict
 from itertools import count
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.special import betaincinv
 
 from fgnav.io.atomic_write import write_text
@@ -66,7 +64,6 @@ def run() -> list[Row]:
         label = one.name if one.part != "clean" else f"{one.name}_{one.method}"
         if one.part in ("clean", "recordings"):
             groups.setdefault(label.removesuffix("_batch"), []).append(one)
-    show(groups)
     rows = [_row_of_group(name, group) for name, group in groups.items()]
     for part in ("drawn", "faulty"):
         rows += _rows_of_outcomes(part, [one for one in results if one.part == part])
@@ -78,22 +75,6 @@ def write(results: list[Result], rows: list[Row]) -> None:
     """Write all results and rows."""
     whole = {"share": SHARE, "rows": rows, "results": [asdict(result) for result in results]}
     write_text(YARDSTICK_JSON, json.dumps(whole, indent=1) + "\n")
-
-
-def show(groups: dict[str, list[Result]]) -> None:
-    """Print root mean squares of RMSE, means of NEES, and medians of time as a table."""
-    headings = (f"{what} {state[:3]}" for what in ("rmse", "nees") for state in STATES)
-    table = Table("", "n", *headings, "s", "said", "refused", title="rmse: deg, m, m/s")
-    for name, group in groups.items():
-        figures = [
-            *_typical(group, "rmse").values(),
-            *_typical(group, "nees").values(),
-            _seconds(group),
-        ]
-        counts = (sum(one.said for one in group), sum(bool(one.failure) for one in group))
-        cells = ("" if math.isnan(x) else f"{x:.3g}" for x in figures)
-        table.add_row(name, str(len(group)), *cells, *map(str, counts))
-    Console(width=140).print(table)
 
 
 def _clean() -> Iterator[Result]:
