@@ -40,8 +40,7 @@ def _kills(flight: Path, folder: Path) -> tuple[list[str], int]:
     """Kill every command that writes; return what was wrong, and how often it was still running."""
     todo = [(command, KILLS) for command in commands(flight, *small_inputs(folder))]
     todo += [(command, KILLS_OF_MODELS) for command in commands_of_models()]
-    faults: list[str] = []
-    hits = 0
+    faults, hits = list[str](), 0
     for k, (command, times) in enumerate(todo):
         more, hit = killed(command, times, folder / "kills", np.random.default_rng([6, k]))
         faults, hits = faults + more, hits + hit
