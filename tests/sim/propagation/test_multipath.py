@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError
 from fgnav.gnss.signals import wavelengths_m
 from fgnav_sim.gnss.tables import MultipathTable, ReflectorTable
 from fgnav_sim.motion import Motion, Rate, Straight
 from fgnav_sim.propagation.multipath import echoes
-from fgnav_sim.scenario import GnssTable, Scenario, load_scenario
+from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
 
 STILL = Motion(path=Straight(speed_mps=0.0))
@@ -121,28 +120,3 @@ def test_the_doppler_holds_what_turning_does_to_the_mirrored_way():
     error_hz = np.abs(by_phase_hz - doppler_hz)
     # All but the few samples at which a satellite rises above the mirror's plane.
     assert np.nanquantile(error_hz, 0.98) < 0.005
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("multipath = { code_m = 1, phase_m = 0 }", "'time_constant_s' is missing"),
-        (
-            "multipath = { code_m = -1, phase_m = 0, time_constant_s = 1 }",
-            "gnss.multipath.code_m: must be float >= 0.0, got -1",
-        ),
-        (
-            "reflectors = [{ point_b_m = [0, 0, 1], normal_b = [0, 0, 0] }]",
-            r"gnss.reflectors\[0\].normal_b: must not be zero",
-        ),
-        (
-            "reflectors = [{ point_b_m = [0, 0, 1], normal_b = [0, 0, 1], amplitude = 1 }]",
-            r"gnss.reflectors\[0\].amplitude: must be float < 1.0, got 1",
-        ),
-    ],
-)
-def test_a_bad_echo_is_named(tmp_path, text, message):
-    path = tmp_path / "bad.toml"
-    path.write_text(f"[gnss]\n{text}\n", encoding="utf-8")
-    with pytest.raises(BadInputError, match=message):
-        load_scenario(path)
