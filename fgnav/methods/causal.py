@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.settings import ProblemSettings
+from fgnav.assembly.truncation import truncated
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.problem import build_problem
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import Problem
 from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
@@ -220,7 +220,7 @@ class ObservationStream:
         """
         opening = prepared.opening
         is_open = opening is not None and at_s < opening.until_s
-        problem = opening.problem if opening is not None and is_open else prepared.windowed
+        problem = opening.problem if opening is not None and is_open else prepared.problem
         of = look_s, problem.constants.width  # of a sensor that begins, or comes back
         is_another = self._of is None or self._of[:2] != of
         if is_another and opening is not None and not is_open:

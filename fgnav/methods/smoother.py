@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from fgnav.assembly.calibration_request import calibration_requests
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
-from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.problem import build_problem
-from fgnav.frontend.recording import with_noise_of_record
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import nearest_keyframes, regular_times, with_times
 from fgnav.graph.innovations import InnovationSeries, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
+from fgnav.integrity.imu_recording import with_noise_of_record
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
 from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
@@ -59,7 +59,7 @@ class Smoother:
         Source of gravity directions in body axes.
     estimate : tuple of str
         What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
-        ``frontend.calibration_request``.
+        ``assembly.calibration_request``.
     factors : tuple or None
         Sources of custom factors: callables ``(flight, timeline)`` that yield GTSAM factors, names
         of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
@@ -307,7 +307,7 @@ class Forward(Smoother):
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening
-        return solve_forward(prepared.windowed, self.lag_s, custom=custom, opening=opening)
+        return solve_forward(prepared.problem, self.lag_s, custom=custom, opening=opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

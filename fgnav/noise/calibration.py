@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from fgnav.checks import FloatArray
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     of_time,
     of_vehicle,
 )
+from fgnav.checks import FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.factors.velocity import Velocity

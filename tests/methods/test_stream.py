@@ -5,15 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.sensors.instruments import gravity_sensor, line_of_sight
-from fgnav.frontend.sensors.surroundings import field_sensor, height_sensor
+from fgnav.assembly.sensors.instruments import gravity_sensor, line_of_sight
+from fgnav.assembly.sensors.surroundings import field_sensor, height_sensor
+from fgnav.checks import BadInputError
 from fgnav.geometry.earth import geodetic
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.factors.directions import Directions
@@ -21,7 +21,7 @@ from fgnav.graph.types.constants import Constants
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.types.surroundings import Barometer, Magnetometer
-from tests.frontend.flights import ORIGIN, attitude_errors_rad, turning
+from tests.assembly.flights import ORIGIN, attitude_errors_rad, turning
 from tests.methods.simulated import nees
 
 

@@ -122,6 +122,8 @@ class Opening:
         From the accelerometer to the antenna, whose position it leaves where it is.
     axis_n : ndarray, shape (1, 3) or (n, 3)
         About which the heading is open: down, or the specific force of each keyframe.
+    aligned : Problem or None
+        As it would be if the heading were known from the first keyframe on.
     """
 
     problem: Problem
@@ -129,6 +131,7 @@ class Opening:
     heading_variance_rad2: float
     arm_b_m: FloatArray
     axis_n: FloatArray = field(default_factory=lambda: np.array([[0.0, 0.0, 1.0]]))
+    aligned: Problem | None = None
 
     @property
     def keyframes(self) -> int:

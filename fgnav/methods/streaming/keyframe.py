@@ -4,18 +4,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
-from fgnav.checks import BadInputError, FloatArray
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.sensors.gnss import array_sensors, positions, velocities
-from fgnav.frontend.sensors.instruments import gravity_sensor, line_of_sight
-from fgnav.frontend.sensors.surroundings import field_sensor, height_sensor
+from fgnav.assembly.position.series import VectorSeries
+from fgnav.assembly.sensors.gnss import array_sensors, positions, velocities
+from fgnav.assembly.sensors.instruments import gravity_sensor, line_of_sight
+from fgnav.assembly.sensors.surroundings import field_sensor, height_sensor
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial

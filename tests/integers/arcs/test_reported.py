@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.frontend.array.adaptation import adapted
+from fgnav.alignment.array.adaptation import adapted
 from fgnav.geometry import rotations
 from fgnav.integers.arcs.reported import APART_S, reported_arcs
 from tests.attitude.arrays import sky, synthetic

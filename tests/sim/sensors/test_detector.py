@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from fgnav.photodetector import line_of_sight, spot_fraction
 from fgnav_sim.motion import Motion, Sine, Straight
 from fgnav_sim.scenario import OcclusionTable, OpticsTable, PhotodetectorTable, Place, Scenario
-from fgnav_sim.sensors.detector import calibration, saturated, watch
+from fgnav_sim.sensors.detector import calibration, saturated, share_within, watch
 from fgnav_sim.simulate import simulate
 
 BEACON = Place(latitude_deg=40.36, longitude_deg=-3.88, height_m=700.0)  # 3.3 km north
@@ -135,6 +135,16 @@ def test_near_the_rim_a_large_spot_loses_light_but_not_direction():
         seen = line_of_sight(photodetector)
         error = seen.e_b - true_direction_b(sensor, swing, seen.t_s)
         assert np.abs(error).max() < 1e-9
+
+
+@pytest.mark.parametrize(("small", "large"), [(1.0, 3.0), (2.0, 2.0), (3.0, 1.0)])
+def test_the_share_of_a_circle_within_another_is_that_of_counted_points(small, large):
+    rng = np.random.default_rng(1)
+    radius, angle = small * np.sqrt(rng.random(100_000)), rng.uniform(0, 2 * np.pi, 100_000)
+    for distance in (0.0, 0.5, 1.5, 2.5, 3.5, 4.5):
+        inside = np.hypot(distance + radius * np.cos(angle), radius * np.sin(angle)) <= large
+        share = share_within(np.array([distance]), small, large)
+        assert share == pytest.approx(inside.mean(), abs=0.006)
 
 
 def test_currents_saturate_near_the_beacon_and_are_counted():

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.problem import build_problem
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.truncation import truncated
 from fgnav.graph.factors.vehicle.resting_rate import NAME
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
-from tests.frontend.standing import standing
+from tests.assembly.standing import standing
 from tests.methods.simulated import errors_rad, nees
 
 STANDS_S = 25.0

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.assembly.truncation import truncated
 from fgnav.checks import BadInputError
-from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.vehicle.standstill import NAME
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
-from tests.frontend.stops import STOPS_S, stops
+from tests.assembly.stops import STOPS_S, stops
 from tests.methods.test_stream_replay import assert_joined
 
 LOST_S = (50.0, 75.0)
