@@ -5,20 +5,15 @@ A fault changes a right flight into one whose values are well-formed, and wrong.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from fgnav.geometry.earth import C_MPS
 from fgnav.types.flight import Flight
-from fgnav_sim.scenario import FixesTable, load_scenario
-from fgnav_sim.simulate import simulate
 from tests.robustness import shapes
 from tests.robustness.shapes import Draw
 
-DURATION_S = 7.0  # of flights that are damaged: rows of damages are of them
 DEGREE, G, KNOT, FOOT = 180.0 / np.pi, 9.80665, 3600.0 / 1852.0, 1 / 0.3048
 L1_HZ = 1_575.42e6
 
@@ -51,33 +46,6 @@ def faulty(flight: Flight, seed: int) -> tuple[Flight, str]:
     rng = np.random.default_rng([91, seed])
     possible = [fault for fault in FAULTS if fault.concerns(flight)]
     return possible[int(rng.integers(len(possible)))](flight, rng)
-
-
-@cache
-def right_flights(duration_s: float = DURATION_S) -> dict[str, Flight]:
-    """Return an array, an antenna with gyroscope and instruments, an array that sees a beacon."""
-    demo, surroundings, approach = map(load_scenario, ("demo", "surroundings", "approach"))
-    change = msgspec.structs.replace
-    scenarios = {
-        "array": change(demo, duration_s=duration_s),
-        "single": change(
-            demo,
-            duration_s=duration_s,
-            antennas_b_m=((0.3, 0.0, -0.2),),
-            gnss=None,
-            fixes=FixesTable(rate_hz=5.0),
-            imu=surroundings.imu,
-            barometer=surroundings.barometer,
-            magnetometer=surroundings.magnetometer,
-        ),
-        "photodetector": change(
-            approach,
-            duration_s=duration_s,
-            photodetector=change(approach.photodetector, range_m=2e4),
-        ),
-    }
-    rng = np.random.default_rng(32_000)
-    return {name: simulate(scenario, rng) for name, scenario in scenarios.items()}
 
 
 def _record(flight: Flight, sensor: str) -> Any:
