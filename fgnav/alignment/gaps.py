@@ -8,6 +8,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp, log, transpose
+from fgnav.messages import Note, note
 from fgnav.types.flight import Imu
 
 GAP = 1.5  # usual intervals; a longer step between samples is a gap
@@ -141,14 +142,14 @@ def spans(t_s: FloatArray, missing: BoolArray) -> FloatArray:
     )
 
 
-def gap_notes(what: str, gaps_s: FloatArray) -> Iterator[str]:
-    """Yield a sentence on each gap, or on how many more there are."""
+def gap_notes(what: str, gaps_s: FloatArray, code: str = "W101", **values: str) -> Iterator[Note]:
+    """Yield a message on each gap, or on how many more there are."""
     for from_s, until_s in gaps_s[:_LISTED]:
-        yield f"No {what} from {from_s:.2f} to {until_s:.2f} s."
+        yield note(code, what=what, from_s=from_s, until_s=until_s, **values)
     more = gaps_s[_LISTED:]
     if len(more):
         longest_s = float((more[:, 1] - more[:, 0]).max())
-        yield f"No {what} in {len(more)} more gaps of up to {longest_s:.2f} s."
+        yield note("W102", what=what, count=len(more), longest_s=longest_s)
 
 
 def _as_white(variance: float) -> float:

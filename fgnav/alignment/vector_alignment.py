@@ -14,6 +14,7 @@ from fgnav.checks import BoolArray, FloatArray, Loss
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
+from fgnav.messages import note
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.vehicle import FinnedVehicle
 
@@ -23,10 +24,6 @@ VECTOR_SIGMA_RAD = 0.1
 # Of the specific force by velocities: 0.2 to 0.35 m/s2 of 15.
 _FORCE_SIGMA_RAD = 0.02
 _APART = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
-_NOSE_FIRST = (
-    "Only smoothness determines the turn about the specific force: the search for attitudes starts "
-    "with the velocity along x_b, and the estimate is valid for a body that flies so."
-)
 _FEWEST = 5  # attitudes for a rate
 # And how close: of six turns with gravity every 5.8 s, three ended at a wrong minimum when
 # these attitudes alone started the search, none when all epochs assumed velocity.
@@ -111,7 +108,7 @@ def _assumption_note(imu: Imu | None, pairs: VectorPairs) -> tuple[str, ...]:
     """
     gyroscope = imu is not None and imu.w_b_radps is not None
     assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
-    return (_NOSE_FIRST,) if assumed and not gyroscope else ()
+    return (note("W202"),) if assumed and not gyroscope else ()
 
 
 def _by_gravity(

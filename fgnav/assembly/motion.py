@@ -14,6 +14,7 @@ from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
+from fgnav.messages import Note, note
 from fgnav.process.evidence import causal_rate_priors, rate_prior
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
@@ -32,7 +33,6 @@ _SUB_STEPS, _SUB_STEPS_WITH_GYROSCOPE = 1, 2
 def motion_of(
     stages: tuple[Aligned, Tracked],
     settings: ProblemSettings,
-    earth_rate_n_radps: FloatArray,
     constants: Constants,
     multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
@@ -50,7 +50,7 @@ def motion_of(
             imu=imu,
             sub_steps=settings.sub_steps or _SUB_STEPS_WITH_GYROSCOPE,
             gravity_n_mps2=track.gravity_n_mps2,
-            earth_rate_n_radps=earth_rate_n_radps,
+            earth_rate_n_radps=stage.earth_rate_n_radps,
             accelerometer_noise=_accelerometer_noise(stage.record, holed),
             gyroscope_noise=np.where(holed, rate_noise, imu.gyroscope_noise_radps_per_sqrt_hz) ** 2,
         )
@@ -67,7 +67,7 @@ def motion_of(
         imu=imu,
         sub_steps=settings.sub_steps or _SUB_STEPS,
         gravity_n_mps2=track.gravity_n_mps2,
-        earth_rate_n_radps=earth_rate_n_radps,
+        earth_rate_n_radps=stage.earth_rate_n_radps,
         poles_per_s=poles,
         variance_rad2ps2=variance,
         accelerometer_noise=_accelerometer_noise(stage.record, lost),
@@ -106,7 +106,7 @@ def _rate_priors(
         )
     if settings.causal and settings.rate_prior is None:
         poles, variance = _causal_priors(start, sure)
-        return poles, variance, ("Rate prior: identified by the attitudes up to each keyframe.",)
+        return poles, variance, (note("D209"),)
     if settings.interval_priors is not None and _is_by_array(start):
         return *settings.interval_priors.at(start.t_s[:-1]), ()
     attitudes = start.t_s[sure], start.R_nu[sure], start.covariance_rad2[sure]
@@ -119,15 +119,11 @@ def _rate_priors(
     if varying is None:
         variance = np.tile(prior.variance_rad2ps2, (n, 1))
         return np.tile(prior.poles_per_s, (n, 1, 1)), variance, (prior_note(prior),)
-    note = (
-        f"Rate prior ({_shape(varying.poles_per_s)} about a constant): its scale varies "
-        f"with the motion: {varying.evidence_gain:.0f} of log evidence above a constant one."
-    )
     latest = _latest(attitudes[0], start.t_s[:-1]).clip(max=len(varying.variance_rad2ps2) - 1)
     return (
         np.tile(varying.poles_per_s, (n, 1, 1)),
         varying.variance_rad2ps2[latest],
-        (note,),
+        (note("D208", shape=_shape(varying.poles_per_s), gain=varying.evidence_gain),),
     )
 
 
@@ -195,13 +191,10 @@ def _accelerometer_noise(record: Bridged, inflated: BoolArray) -> FloatArray:
     return np.where(inflated, record.inflated.accelerometer_noise_mps2_per_sqrt_hz, noise) ** 2
 
 
-def prior_note(prior: RatePrior) -> str:
-    """Return the hyperparameters of the rate's prior in a sentence."""
+def prior_note(prior: RatePrior) -> Note:
+    """Return the hyperparameters of the rate's prior as a message."""
     sigma = ", ".join(f"{value:.3g}" for value in np.degrees(np.sqrt(prior.variance_rad2ps2)))
-    return (
-        f"Rate prior ({_shape(prior.poles_per_s)} about a constant): "
-        f"sigma about the body axes {sigma} deg/s."
-    )
+    return note("D207", shape=_shape(prior.poles_per_s), sigma_degps=sigma)
 
 
 def _shape(poles_per_s: FloatArray) -> str:
@@ -209,9 +202,9 @@ def _shape(poles_per_s: FloatArray) -> str:
     k, z, w = poles_per_s.T
     lengths = ", ".join(f"{value:.3g}" for value in np.sqrt(5.0) / np.cbrt(k * (z**2 + w**2)))
     if (z == k).all() and not w.any():
-        return f"Matern 5/2 of lengths {lengths} s"
+        return f"Matern 5/2, correlation times {lengths} s"
     swings = ", ".join(
         f"{frequency / (2 * np.pi):.3g} Hz" if frequency > decay else "none"
         for decay, frequency in zip(z, w, strict=True)
     )
-    return f"third order of lengths {lengths} s, swings of {swings}"
+    return f"third order, correlation times {lengths} s, modes {swings}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,6 @@ from fgnav.assembly.position.by_observations import LastObservations
 from fgnav.assembly.position.numbered_arcs import EarlierArcs
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.prepared import Earlier, PreparedFlight
-from fgnav.assembly.sensors.baselines import baselines
 from fgnav.assembly.sensors.gnss import array_sensors, positions, velocities
 from fgnav.assembly.sensors.instruments import Instruments, instruments
 from fgnav.assembly.sensors.rest import Rest, moving_antenna, resting_motion
@@ -35,15 +35,16 @@ from fgnav.checks import BoolArray, Loss
 from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.baseline import BaselineVector
-from fgnav.graph.factors.line_of_sight import LANDMARK, LineOfSight
+from fgnav.graph.factors.line_of_sight import LineOfSight
+from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.constants import Constants, FlightConstant
-from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
 from fgnav.integrity.instrument_screen import without_stuck
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, Photodetector
+from fgnav.types.flight import Flight, InitialAttitude, Photodetector
 
 
 def build_problem(
@@ -74,33 +75,28 @@ def build_problem(
     before = None if earlier is None else earlier.motion
     stage = aligned(flight, settings, requested, last.of(flight, settings), before)
     track = tracked(flight, stage)
-    imu, causal = stage.record.imu, settings.causal
+    stands = standing(stage.record, track.t_s, track.antenna, causal=stage.causal)
+    rest = Rest.of(stands, track.t_s, causal=stage.causal)
     v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
-    stands = standing(stage.record, track.t_s, track.antenna, causal=causal)
-    rest = Rest.of(stands, track.t_s, causal=causal)
     found = instruments(flight, stage, track, v_n_mps, stands)
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
-    tags = of_tags(settings.calibration, flight)
-    constants = _constants((*requested, *tags), stage, found, flight.photodetector)
-    multipath, lasting_notes = _lasting(stage, requested)
-    earth = flight.origin.earth_rate_n_radps
-    motion, turning, rate_notes = motion_of((stage, track), settings, earth, constants, multipath)
-    motion = resting_motion(motion, imu, rest, settings.at_rest)
-    back_s = late_s(settings.calibration)
-    timed = timed_motion(imu, track.t_s, track.gravity_n_mps2, earth, causal=causal, span_s=back_s)
+    requested = (*requested, *of_tags(settings.calibration, flight))
+    constants = _constants(requested, stage, found, flight.photodetector)
+    multipath, multipath_notes = _multipath(stage, requested)
+    motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
+    motion = resting_motion(motion, stage.record.imu, rest, settings.at_rest)
+    timed = _timed(stage, track, settings)
     phases = antenna_phase(
         track.antenna.phases,
         track.t_s,
         stage.start.R_nb,
         constants,
-        causal=causal,
+        causal=stage.causal,
         earlier=None if earlier is None else earlier.arcs,
     )
-    phase = phases.phase
-    between, baseline_losses = baselines(flight, track.t_s)
-    antennas = (*_antennas(flight, stage, track, requested, (multipath, timed)), *between)
-    sensors = _bound((antennas, found.sensors), constants, timed)
+    antennas = _antennas(flight, stage, track, requested, (multipath, timed))
+    sensors = _bound((*antennas, *found.sensors), constants, timed)
     problem = Problem(
         t_s=track.t_s,
         start=_start(stage, track, constants, turning, motion.aux),
@@ -109,54 +105,60 @@ def build_problem(
         constants=constants,
         attitude_known=_measured_attitudes(stage),
         attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
-        phase=phase,
+        phase=phases.phase,
         rate_known=turning is not None,
     )
-    opened = replace(problem, phase=_phase_before_heading(phase, stage, track, constants))
-    opening = open_heading(opened, stage, track, flight.initial)
-    if opening is not None:
-        opening = replace(opening, aligned=problem)
-    problem = until_motion(problem, stage, track, flight.initial)
-    start, antenna = stage.start, track.antenna
-    gaps = _gaps(stage, track, sensors)
+    parts = (stage.start, stage, track.antenna, track, found, phases, stage.float_arcs)
+    notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
     return PreparedFlight(
-        problem=problem,
-        imu=imu,
-        earth_rate_n_radps=earth,
+        problem=until_motion(problem, stage, track, flight.initial),
+        opening=_opening(problem, stage, track, flight.initial),
+        imu=stage.record.imu,
+        earth_rate_n_radps=stage.earth_rate_n_radps,
         epochs=stage.epochs,
-        integers=start.integers,
-        losses=(
-            *start.losses,
-            *stage.losses,
-            *antenna.losses,
-            *track.losses,
-            *repeated,
-            *baseline_losses,
-            *found.losses,
-        ),
-        rejections=(*start.rejections, *track.rejections, *phases.rejections),
-        notes=(
-            *start.notes,
-            *lasting_notes,
-            *rate_notes,
-            *phases.notes,
-            *gaps,
-            *stage.float_arcs.notes,
-        ),
+        integers=stage.start.integers,
+        losses=(*_all(parts, "losses"), *repeated),
+        rejections=_all(parts, "rejections"),
+        notes=(*_all(parts, "notes"), *notes),
         timed=timed,
-        rough=start.rough,
-        causal=causal,
-        opening=opening,
+        rough=stage.start.rough,
+        causal=stage.causal,
         rest=rest,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
     )
 
 
-def _lasting(
+def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
+    """Return what parts of the problem report, one after another."""
+    return tuple(one for part in parts for one in getattr(part, name, ()))
+
+
+def _opening(
+    problem: Problem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
+) -> Opening | None:
+    """Return the problem as a filter has it until the heading is known; None if it always is."""
+    phase = _phase_before_heading(problem.phase, stage, track, problem.constants)
+    opening = open_heading(replace(problem, phase=phase), stage, track, initial)
+    return None if opening is None else replace(opening, aligned=problem)
+
+
+def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMotion:
+    """Return how the body moves at keyframes, by which clocks and delays show."""
+    return timed_motion(
+        stage.record.imu,
+        track.t_s,
+        track.gravity_n_mps2,
+        stage.earth_rate_n_radps,
+        causal=stage.causal,
+        span_s=late_s(settings.calibration),
+    )
+
+
+def _multipath(
     stage: Aligned, requested: tuple[FlightConstant, ...]
 ) -> tuple[Multipath | None, tuple[str, ...]]:
-    """Return what stays of the array's errors; where its shape is asked for it is that."""
+    """Return the array's correlated errors; where its shape is asked for they look like it."""
     shape_requested = any(one.name.startswith("antenna ") for one in requested)
     return (None, ()) if stage.causal or shape_requested else lasting_error(stage.start)
 
@@ -205,9 +207,8 @@ def _constants(
     photodetector: Photodetector | None,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    is_seen = any(LANDMARK in sensor.parameters for sensor in found.sensors)
-    parts = with_evidence(requested, sight=is_seen)
-    if is_seen and photodetector is not None:
+    parts = with_evidence(requested, sight=found.is_landmark_seen)
+    if found.is_landmark_seen and photodetector is not None:
         parts = with_landmark(parts, photodetector.landmark_n_m)
     parts = (*parts, *found.constants)
     if not stage.gyroscope:
@@ -224,7 +225,7 @@ def _antennas(
 ) -> Iterator[Sensor]:
     """Yield the sensors of antennas."""
     start, antenna, (multipath, timed) = stage.start, track.antenna, of
-    rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
+    rates, earth = stage.rates if stage.gyroscope else None, stage.earth_rate_n_radps
     names = tuple(one.name for one in flight.antennas)
     if start.form is not None:
         shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
@@ -238,13 +239,17 @@ def _antennas(
 
 
 def _bound(
-    of: tuple[tuple[Sensor, ...], tuple[Sensor, ...]], constants: Constants, timed: TimedMotion
+    sensors: tuple[Sensor, ...], constants: Constants, timed: TimedMotion
 ) -> tuple[Sensor, ...]:
-    """Return sensors of antennas, on their receivers' clock, and others, of a problem."""
-    antennas, others = ([one.bound(constants) for one in part if len(one.row)] for part in of)
-    late = {"velocity": VELOCITY_DELAY}
-    on_time = (on_clock(one, timed, delay=late.get(one.name, "")) for one in antennas)
-    return (*on_time, *others)
+    """Return sensors of a problem, those of receivers on their clock."""
+    late = {Velocity.name: VELOCITY_DELAY}
+    of_problem = (sensor.bound(constants) for sensor in sensors if len(sensor.row))
+    return tuple(
+        on_clock(sensor, timed, delay=late.get(sensor.name, ""))
+        if getattr(sensor, "timed_by_receiver", False)
+        else sensor
+        for sensor in of_problem
+    )
 
 
 def _start(

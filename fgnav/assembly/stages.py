@@ -50,6 +50,7 @@ class Aligned(NamedTuple):
     epochs: int
     losses: tuple[Loss, ...]
     by: ByObservations | None
+    earth_rate_n_radps: FloatArray  # (3,)
     causal: bool = False
     R_open: FloatArray | None = None  # (n, 3, 3): level, the heading not known yet; causal only
 
@@ -141,6 +142,7 @@ def aligned(
         count,
         (*faulty, *losses),
         by,
+        flight.origin.earth_rate_n_radps,
         causal,
         _open_attitudes(flight, record.imu, start) if causal else None,
     )

@@ -8,6 +8,7 @@ from fgnav.attitude.vector_pairs import VectorPairs
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.single_point.solution import code_solution
+from fgnav.messages import note
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, fixed_ranges_m
@@ -143,14 +144,13 @@ def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion
     try:
         code = code_solution(flight)
     except NoSolutionError as error:
-        return BodyMotion(notes=(f"No position: {error}.",))
+        return BodyMotion(notes=(note("W505", reason=error),))
     places = _bridged(t_s, code.t_s, code.p_n_m, code.position_covariance_m2, power=2)
     if places is None:
-        return BodyMotion(notes=("No position: some epochs lie outside the code solutions.",))
+        reason = "some epochs lie outside the code solutions"
+        return BodyMotion(notes=(note("W505", reason=reason),))
     p_n_m, position_covariance, bridged = places
-    notes = []
-    if bridged:
-        notes += [f"Position is interpolated at {bridged} epochs without code solution."]
+    notes = [note("I506", count=bridged)] if bridged else []
     arm_b_m = flight.antennas[0].position_b_m
     rates = None
     if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
@@ -158,10 +158,9 @@ def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion
         v_n_mps, covariance = code.v_n_mps[valid], code.velocity_covariance_m2ps2[valid]
         rates = _bridged(t_s, code.t_s[valid], v_n_mps, covariance, power=1)
     if rates is None:
-        notes += ["No velocity: some epochs lie outside those with Doppler."]
+        notes.append(note("W507"))
     elif arm_b_m.any():
-        swing = "Velocity is that of the reference antenna: its swing about the body is unknown."
-        notes += [swing]
+        notes.append(note("W504", antenna="the reference antenna"))
     return BodyMotion(
         p_n_m=p_n_m - R_nb @ arm_b_m,
         position_covariance_m2=position_covariance,

@@ -66,7 +66,7 @@ class Folder:
         BadInputError
             If it cannot be written: no room, for one.
         """
-        text = msgspec.json.encode(record).decode() + "\n"
+        text = msgspec.json.encode(record, enc_hook=str).decode() + "\n"
         # Leftovers went when the folder was opened: to look for them again lists all runs so far.
         write_text(self._runs / f"{run.stem}.json", text, tidy=False)
 

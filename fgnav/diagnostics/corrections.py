@@ -17,6 +17,7 @@ from fgnav.diagnostics.track import LONGEST, OFFSET, Motion, fit, middle_of
 from fgnav.diagnostics.windows import is_better
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.fixes import fixes_by_code
+from fgnav.messages import note
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight, Imu
 
@@ -62,7 +63,7 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     notes: tuple[str, ...] = ()
     exchange = _exchange(flight, array)
     if exchange is not None:
-        notes = (f"Antennas {exchange.message(flight)}; corrected.",)
+        notes = (note("W304", exchange=exchange.message(flight)),)
         flight = exchange.corrected(flight)
     imu, motion = flight.imu, _motion(flight)
     if imu is None or motion is None:
@@ -137,12 +138,9 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
     if not is_better(given.squares, other.squares):
         return None
     ratio = float(np.exp(np.log(given.squares / other.squares.clip(1e-300)).mean()))
-    note = (
-        f"IMU timestamps step by {step_s:+.3f} s (± {other.sigma(OFFSET):.3f} s) after "
-        f"{imu.t_s[k]:.2f} s: with samples missing there, the runner-up, residual squares are "
-        f"{ratio:.3g} times larger; corrected."
-    )
-    return replace(imu, t_s=np.where(imu.t_s > imu.t_s[k], imu.t_s - step_s, imu.t_s)), note
+    of = {"step_s": step_s, "sigma_s": other.sigma(OFFSET), "t_s": imu.t_s[k], "ratio": ratio}
+    t_s = np.where(imu.t_s > imu.t_s[k], imu.t_s - step_s, imu.t_s)
+    return replace(imu, t_s=t_s), note("W305", **of)
 
 
 def _clock_offset(motion: Motion) -> tuple[Imu, str] | None:
@@ -150,5 +148,5 @@ def _clock_offset(motion: Motion) -> tuple[Imu, str] | None:
     coarse = coarse_offset(clock_searches(motion, motion.integrals_at()))
     if coarse is None:
         return None
-    note = f"IMU clock offset of {-coarse.offset_s:+.3f} s {coarse}; timestamps corrected."
-    return motion.imu_at(coarse.offset_s), note
+    message = note("W306", offset_s=-coarse.offset_s, evidence=coarse)
+    return motion.imu_at(coarse.offset_s), message

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.messages import note
 from fgnav.types.estimate import Estimate, Rejected, Verdict
 from fgnav.types.flight import Fixes, Flight
 from fgnav.types.instruments import Samples
@@ -68,8 +69,7 @@ def without_contradictions(
         is_as_open = set(trial.unobservable) <= set(estimate.unobservable)
         if trial.consistent and trial.converged and is_as_open and _is_determined(trial):
             notes = tuple(
-                f"{one.what}, {one.from_s:.1f} to {one.until_s:.1f} s: left out, because without "
-                "it the other measurements are consistent."
+                note("W308", what=one.what, from_s=one.from_s, until_s=one.until_s)
                 for one in exclusion.rejected
             )
             return replace(

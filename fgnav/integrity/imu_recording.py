@@ -7,6 +7,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.messages import note
 from fgnav.types.flight import Imu
 
 _FEWEST = 100
@@ -60,10 +61,8 @@ def with_noise_of_record(imu: Imu) -> tuple[Imu, tuple[str, ...]]:
         if causes:
             raised: dict[str, Any] = {key: float(np.sqrt(variance))}
             noisier = replace(noisier, **raised)
-            notes.append(
-                f"{name.capitalize()} noise: {np.sqrt(variance):.2g} stands for the stated "
-                f"{stated:.2g}, since {' and '.join(causes)}."
-            )
+            of = {"used": np.sqrt(variance), "nominal": stated, "causes": " and ".join(causes)}
+            notes.append(note("I104", sensor=name.capitalize(), **of))
     return noisier, tuple(notes)
 
 

@@ -55,7 +55,7 @@ def _compiled_at_ease(dispatcher: Any) -> Any:  # noqa: ANN401  # numba has no t
 
     compile_at_ease.__code__ = compile_at_ease.__code__.replace(co_stacksize=_STACK_SLOTS)
     dispatcher.compile = compile_at_ease
-    _without_stale_cache(dispatcher._cache)  # noqa: SLF001  # numba has no other door to it
+    _without_stale_cache(dispatcher._cache)  # numba has no other door to it
     return dispatcher
 
 

@@ -14,6 +14,7 @@ from fgnav.assembly.prepared import PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.truncation import truncated
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.messages import note
 from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight
@@ -106,9 +107,8 @@ def stretches(
         parts.append(Stretch(first_s, float(until_s), part, problem))
         before = one
     changed_s = ", ".join(f"{one.from_s:.0f}" for one in parts if one.from_s > -np.inf)
-    note = f"Noise is estimated from the record so far, anew at {changed_s} s."
     last = parts[-1]
-    noted = replace(last.prepared, notes=(*last.prepared.notes, note))
+    noted = replace(last.prepared, notes=(*last.prepared.notes, note("I307", times_s=changed_s)))
     return (*parts[:-1], last._replace(prepared=noted))
 
 

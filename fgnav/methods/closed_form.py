@@ -30,6 +30,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError,
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
+from fgnav.messages import note
 from fgnav.methods.direction_pairs import Gravity, direction_pairs
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate, open_angle_variance_rad2
@@ -181,13 +182,12 @@ class ClosedForm:
         return rotations.from_euler(*rotations.to_euler(paper_matrix(pairs)).T)
 
     def _notes(self, used: Mapping[str, int], rank: int) -> list[str]:
-        notes = [f"Pairs: {', '.join(f'{count} of {kind}' for kind, count in used.items())}."]
+        pairs = ", ".join(f"{count} of {kind}" for kind, count in used.items())
+        notes: list[str] = [note("I501", pairs=pairs)]
         if rank == 2 and self.weights == "equal":
-            notes += ["Angles are read from the paper's matrix, which is not quite a rotation."]
+            notes.append(note("I502"))
         if count := used.get("velocity", 0):
-            notes += [
-                f"Velocity stands for x_b at {count} epochs: no sideslip, no angle of attack."
-            ]
+            notes.append(note("W503", count=count))
         return notes
 
 
@@ -253,12 +253,11 @@ def _motion(
     if track is None or flight.observations is not None:
         return body_motion(flight, t_s, R_nb)
     v_n_mps = None if track.v_n_mps is None else track.v_n_mps[keep]
-    swing = "Velocity is that of the antenna: its swing about the body is unknown."
     has_swing = v_n_mps is not None and track.arm_b_m.any()
     return BodyMotion(
         p_n_m=track.p_n_m[keep] - R_nb @ track.arm_b_m,
         v_n_mps=v_n_mps,
-        notes=(swing,) if has_swing else (),
+        notes=(note("W504", antenna="the antenna"),) if has_swing else (),
     )
 
 

@@ -8,13 +8,10 @@ from fgnav.attitude.vector_pairs import collinear, sensitivity, wahba
 from fgnav.checks import BadInputError, NoSolutionError, losses_of
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
+from fgnav.messages import note
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
-
-_INTEGERS = (
-    "Integers are LAMBDA's, baseline by baseline, with its ratio test, whatever resolver was asked."
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,5 +80,5 @@ class Rtk:
             unobservable=(axis_name(differences.baselines_b_m),) if line else (),
             integers=integers,
             losses=(*differences.losses, *integers.losses, *lost),
-            notes=(_INTEGERS, *motion.notes),
+            notes=(note("I508"), *motion.notes),
         )

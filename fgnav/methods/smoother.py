@@ -24,6 +24,7 @@ from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.imu_recording import with_noise_of_record
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
+from fgnav.messages import note
 from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
 from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
@@ -246,7 +247,7 @@ class Smoother:
             else:
                 if estimate.converged or self.causal:
                     return estimate
-            notes = ("Networks are not used: with them the search ends at no minimum.",)
+            notes = (note("W404"),)
         estimate = self._with_factors((), flight, prepared, rows)
         return replace(estimate, notes=(*estimate.notes, *notes))
 
@@ -356,8 +357,8 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
         result, prepared = identified(flight, settings, build)
     except NoSolutionError as error:
         prepared = build(flight, settings)
-        note = f"Noise is nominal; it could not be estimated ({error})."
-        return replace(prepared, notes=(*prepared.notes, *notes, note))
+        nominal = note("W302", error=error)
+        return replace(prepared, notes=(*prepared.notes, *notes, nominal))
     return replace(
         prepared,
         implausible=implausible(flight, result),

@@ -14,6 +14,7 @@ from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.gravity import GravityDirection
+from fgnav.messages import note
 from fgnav.neural.measures import SENSORS
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
@@ -192,8 +193,7 @@ class NeuralFactor:
             and one.sensor in of_flight(flight)
         ]
         return tuple(
-            f"{self.name} sees the {sensor}, which the graph uses, too: its noise counts twice."
-            for sensor in dict.fromkeys(twice)
+            note("W406", network=self.name, sensor=sensor) for sensor in dict.fromkeys(twice)
         )
 
     def _records(self, have: Mapping[str, Record], flight: str | None) -> list[Record] | None:

@@ -24,6 +24,7 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.solution import Solution
+from fgnav.messages import Note, note
 from fgnav.noise.decimation import Subset
 
 _FALSE_ALARM = 6e-5  # of a constant that is zero: 4 sigma
@@ -116,8 +117,8 @@ def _one_or_the_other(
     )
 
 
-def sentences(found: tuple[Calibrated, ...]) -> tuple[str, ...]:
-    """Return a sentence on each constant that is estimated because it is significant."""
+def calibration_notes(found: tuple[Calibrated, ...]) -> tuple[Note, ...]:
+    """Return a message on each constant that is estimated because it is significant."""
     notes = []
     for one in found:
         if not one.is_significant:
@@ -129,10 +130,9 @@ def sentences(found: tuple[Calibrated, ...]) -> tuple[str, ...]:
             if runner_up is None
             else f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
         )
-        notes.append(
-            f"{name[:1].upper()}{name[1:]} estimated: {_value(one)}. "
-            f"Log-likelihood gain {one.alone:.0f}{beside}."
-        )
+        parameter = f"{name[:1].upper()}{name[1:]}"
+        of = {"value": _value(one), "gain": one.alone, "runner_up": beside}
+        notes.append(note("I303", parameter=parameter, **of))
     return tuple(notes)
 
 

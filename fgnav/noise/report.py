@@ -1,11 +1,12 @@
-"""What a flight has determined of its noise and times, in sentences for its user."""
+"""What a flight has determined of its noise and times, as messages."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.noise.calibration import LATENCY, sentences
+from fgnav.messages import Note, note
+from fgnav.noise.calibration import LATENCY, calibration_notes
 from fgnav.noise.components import AT_REST, WHITE
 from fgnav.noise.identify import Hyperparameters
 from fgnav.noise.nominal import FIELDS, unstated
@@ -46,7 +47,7 @@ _SIGMAS = 3.0  # of what is known before the flight
 
 
 def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
-    """Return a sentence for each noise that differs by half from what the flight has, and set-up.
+    """Return a message for each noise that differs by half from the nominal, and for set-up.
 
     Parameters
     ----------
@@ -57,11 +58,11 @@ def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
     usual = (*unstated(flight), *_usual_of_gnss(flight.gnss_noise))
     factors = {**result.factors, **result.satellites}
     notes = [
-        _sentence(flight.imu, name, factor, is_usual=name.removesuffix(AT_REST) in usual)
+        _noise_note(flight.imu, name, factor, is_usual=name.removesuffix(AT_REST) in usual)
         for name, factor in factors.items()
         if abs(np.log(factor)) > _WORTH_SAYING
     ]
-    return (*notes, *sentences(result.calibrated))
+    return (*notes, *calibration_notes(result.calibrated))
 
 
 def implausible(flight: Flight, result: Hyperparameters) -> dict[str, float]:
@@ -131,14 +132,14 @@ def _noise_ratios(
     return ratios
 
 
-def _sentence(imu: Imu | None, name: str, factor: float, *, is_usual: bool) -> str:
+def _noise_note(imu: Imu | None, name: str, factor: float, *, is_usual: bool) -> Note:
     component = name.removesuffix(AT_REST)
     where = " at standstill" if name.endswith(AT_REST) else ""
     unit = _UNITS.get(component)
     density = None if imu is None or unit is None else getattr(imu, FIELDS[component])
     value = "" if density is None else f"{factor * density:.2g} {unit}, "
     of = "usual figure" if is_usual else "nominal"
-    return f"{_NAMES[component]}{where}: estimated {value}{factor:.2g} x the {of}; used."
+    return note("I301", noise=f"{_NAMES[component]}{where}", value=value, factor=factor, of=of)
 
 
 def _usual_of_gnss(noise: GnssNoise) -> tuple[str, ...]:

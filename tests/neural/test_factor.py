@@ -12,6 +12,7 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import check_factor, jacobian_misfit
 from fgnav.graph.keys import Timeline, constant, pose, velocity
+from fgnav.messages import note
 from fgnav.neural import NeuralFactor, Record
 from fgnav.neural.correlation import half_life_s, together
 from fgnav.neural.network import load_network
@@ -160,9 +161,7 @@ def test_a_displacement_needs_a_keyframe_where_it_begins(tmp_path):
 def test_a_sensor_that_the_graph_uses_too_is_noted(tmp_path):
     path = graphs.heading(tmp_path, sensor="magnetometer", rate_hz=10.0)
     found = NeuralFactor(path)(flown("surroundings", 5.0), timeline(np.arange(1.0, 3.0, 0.5)))
-    assert found.notes == (
-        "net sees the magnetometer, which the graph uses, too: its noise counts twice.",
-    )
+    assert found.notes == (note("W406", network="net", sensor="magnetometer"),)
 
 
 def test_a_factor_goes_to_another_process(tmp_path):

@@ -19,6 +19,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.factors.array_phase import FLOAT_AMBIGUITIES
 from fgnav.graph.types.constants import FlightConstant
+from fgnav.messages import note
 from fgnav.types.differences import DoubleDifferences
 
 ELEMENTS = 9
@@ -124,12 +125,10 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
 def _notes(stretch: IntArray, count: int, arcs: int, omitted: int) -> tuple[str, ...]:
     notes = []
     if count:
-        notes.append(
-            f"Float ambiguities: {arcs} arcs without integers in {count} stretches determine "
-            f"how the attitude changes over {int((stretch >= 0).sum())} epochs."
-        )
+        epochs = int((stretch >= 0).sum())
+        notes.append(note("I204", arcs=arcs, count=count, epochs=epochs))
     if omitted:
-        notes.append(f"Phases of {omitted} epochs without integers are not used.")
+        notes.append(note("W205", epochs=omitted))
     return tuple(notes)
 
 

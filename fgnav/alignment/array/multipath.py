@@ -14,6 +14,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.kernels.compiled import kernel
+from fgnav.messages import note
 from fgnav.process.hyperparameters import VERY_STRONG_EVIDENCE, likeliest
 from fgnav.types.differences import DoubleDifferences
 
@@ -56,11 +57,7 @@ def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
         decay_per_s=np.full(n - 1, 1 / constant_s),
         kept=_kept(differences, ranges_m, epoch, basis),
     )
-    note = (
-        f"Phase errors stay with antenna and satellite: {100 * share:.0f} % of their variance, "
-        f"with a time constant of {constant_s:.3g} s."
-    )
-    return error, (note,)
+    return error, (note("I203", percent=100 * share, constant_s=constant_s),)
 
 
 def link_residuals(

@@ -12,6 +12,7 @@ import numpy as np
 
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.checks import IntArray, Loss, losses_of
+from fgnav.messages import Note
 from fgnav.types.flight import Flight
 
 _SATELLITES = 4  # of a position
@@ -53,8 +54,8 @@ def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Los
     return losses_of(counts)
 
 
-def pivot_notes(views: tuple[View, ...]) -> Iterator[str]:
-    """Yield a sentence on each span in which the reference antenna is gone."""
+def pivot_notes(views: tuple[View, ...]) -> Iterator[Note]:
+    """Yield a message on each span in which the reference antenna is gone."""
     flight = views[0].flight
     if flight.observations is None or len(views) == 1:
         return
@@ -63,8 +64,8 @@ def pivot_notes(views: tuple[View, ...]) -> Iterator[str]:
         gone[view.rows] = True
     names = " and ".join(view.flight.antennas[0].name for view in views[1:])
     what = f"observations of the reference antenna {flight.antennas[0].name}"
-    for sentence in gap_notes(what, spans(flight.observations.t_s, gone)):
-        yield sentence[:-1] + f": {names} stands in."
+    gone_s = spans(flight.observations.t_s, gone)
+    yield from gap_notes(what, gone_s, "W103", instead=names)
 
 
 def _views(flight: Flight, *, causal: bool) -> Iterator[View]:

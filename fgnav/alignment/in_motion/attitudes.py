@@ -9,11 +9,8 @@ from fgnav.attitude.flight_vectors import track_of
 from fgnav.attitude.imu_rotation import spun
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD
+from fgnav.messages import note
 from fgnav.types.flight import Flight, Imu
-
-OPEN_HEADING = (
-    "The heading is known by the motion model alone: it is open where its sigma is large."
-)
 
 
 def carried_attitudes(
@@ -73,7 +70,7 @@ def carried_attitudes(
         gyroscope_bias_b_radps=motion.bias_b_radps,
         heading_from_s=without_motion_s if is_without else _first(motion.begun_s, determined_s),
         heading_known_s=without_motion_s if is_without else _first(motion.until_s, determined_s),
-        notes=(OPEN_HEADING,) if determined_s == np.inf else (),
+        notes=(note("W201"),) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=first_s,
             step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,

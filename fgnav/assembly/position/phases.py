@@ -12,6 +12,7 @@ from fgnav.checks import FloatArray
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.types.constants import Constants
+from fgnav.messages import note
 from fgnav.types.estimate import Rejected
 from fgnav.types.integers import ArcInteger
 
@@ -146,8 +147,7 @@ def _reported(one: ArcSpan, spans_s: list[tuple[float, float]]) -> ArcInteger:
 
 
 def _notes(live: LiveRows, resolved: BaseIntegers) -> tuple[str, ...]:
-    share = 100 * resolved.fixed[live.block].mean()
-    note = f"Positions against the base: integers known at {share:.1f} % of epochs"
-    if share:
-        note += f", all right but for a chance of {resolved.wrong_probability:.1g}"
-    return (f"{note}.",)
+    percent, chance = 100 * resolved.fixed[live.block].mean(), ""
+    if percent:
+        chance = f", wrong with a probability of {resolved.wrong_probability:.1g}"
+    return (note("I206", percent=percent, chance=chance),)

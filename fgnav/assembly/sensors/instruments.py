@@ -1,4 +1,4 @@
-"""Sensors beside the antennas at keyframes, and the constants that they bring with them."""
+"""Sensors beside the antennas of GNSS at keyframes, and the constants that they bring with them."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.assembly.sensors.aerodynamics import airflow
+from fgnav.assembly.sensors.baselines import baselines
 from fgnav.assembly.sensors.directional import gravity, sight
 from fgnav.assembly.sensors.resting_rates import resting_rates
 from fgnav.assembly.sensors.standstill import Standing
@@ -15,7 +16,7 @@ from fgnav.assembly.stages import Aligned, Tracked
 from fgnav.checks import FloatArray, Loss
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
-from fgnav.graph.factors.line_of_sight import LineOfSight
+from fgnav.graph.factors.line_of_sight import LANDMARK, LineOfSight
 from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.graph.types.sensor import Sensor
@@ -36,6 +37,11 @@ class Instruments(NamedTuple):
     sensors: tuple[Sensor, ...]
     constants: tuple[FlightConstant, ...]
     losses: tuple[Loss, ...]
+
+    @property
+    def is_landmark_seen(self) -> bool:
+        """Whether there is a line of sight."""
+        return any(LANDMARK in sensor.parameters for sensor in self.sensors)
 
 
 def instruments(
@@ -66,6 +72,9 @@ def _each(
 ) -> Iterator[Instrument]:
     imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
     rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
+    between, losses = baselines(flight, t_s)
+    yield from (Instrument(one) for one in between)
+    yield Instrument(losses=losses)
     down, losses = gravity(stage.down, t_s, causal=causal)
     sensor = None if down is None else gravity_sensor(down, track.gravity_n_mps2)
     yield Instrument(sensor, (), losses)

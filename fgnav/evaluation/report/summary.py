@@ -7,6 +7,7 @@ from fgnav.checks import Loss
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.parts import NONE, Table
 from fgnav.evaluation.scores import EULER, Angles, BaselineFigures, Score, open_heading_spans_s
+from fgnav.messages import by_severity
 from fgnav.types.estimate import Verdict
 
 _MOST_LINES = 8
@@ -67,7 +68,7 @@ def remarks(comparison: Comparison) -> list[str]:
     for kind in (_failure, _verdicts, _unobservable, _open_heading, _reservations):
         lines += _by_method({m.name: kind(m) for m in methods})
     complete = [m for m in methods if " without " not in m.name]  # they say it, too
-    lines += _by_method({m.name: m.score.notes for m in complete or methods})
+    lines += _by_method({m.name: by_severity(m.score.notes) for m in complete or methods})
     lines += _by_method({m.name: _rejections(m) for m in methods})
     return lines + loss_lines({m.name: m.score.losses for m in comparison.solved})
 

@@ -39,6 +39,7 @@ class ArrayPhase(SensorRows):
     """
 
     name: ClassVar[str] = "array phases"
+    timed_by_receiver: ClassVar[bool] = True
     rows: ClassVar[int] = 9
     parameters: ClassVar[tuple[str, ...]] = (FLOAT_AMBIGUITIES,)
     whitening: ClassVar[str] = "root"

@@ -29,6 +29,7 @@ class ArrayShape(SensorRows):
     """Quadratic forms of a baselines in ``n``, three rows for each baseline."""
 
     name: ClassVar[str] = "array phases"
+    timed_by_receiver: ClassVar[bool] = True
     whitening: ClassVar[str] = "root"
     root: FloatArray  # (k, 3 a, 3 a): of the information about all baselines, one after another
     minimum_n_m: FloatArray  # (k, a, 3)

@@ -30,6 +30,7 @@ class BaselineVector(SensorRows):
     """Vectors from one antenna to another in ``n``, three rows each."""
 
     name: ClassVar[str] = "baseline"
+    timed_by_receiver: ClassVar[bool] = True
     rows: ClassVar[int] = 3
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "baseline_b_m": (3,)}
     value_n_m: FloatArray  # (k, 3): z_n; of headings e_1

@@ -32,6 +32,7 @@ class Position(SensorRows):
     """Positions of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "position"
+    timed_by_receiver: ClassVar[bool] = True
     rows: ClassVar[int] = 3
     parameters: ClassVar[tuple[str, ...]] = (LEVER_ARM,)
     whitening: ClassVar[str] = "white"

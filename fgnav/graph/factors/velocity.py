@@ -35,6 +35,7 @@ class Velocity(SensorRows):
     """Velocities of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "velocity"
+    timed_by_receiver: ClassVar[bool] = True
     rows: ClassVar[int] = 3
     parameters: ClassVar[tuple[str, ...]] = (LEVER_ARM,)
     whitening: ClassVar[str] = "white"

@@ -93,6 +93,9 @@ class SensorRows:
     name: ClassVar[str]  # in reports
     shapes: ClassVar[Shapes] = {}  # of the float arrays, "k" for the number of measurements
     whitening: ClassVar[str] = ""  # field, (k, m, ...), whose rows are zero where not all are known
+    timed_by_receiver: ClassVar[bool] = (
+        False  # its timestamps are GNSS time, not of the IMU's clock
+    )
     row: IntArray  # (k,): keyframes
     constants: Constants = NO_CONSTANTS  # of the problem, see ``bound``
 

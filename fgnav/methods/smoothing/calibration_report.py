@@ -5,6 +5,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.solution import Solution
+from fgnav.messages import Note, note
 from fgnav.types.estimate import Constant
 
 _LISTED = 3  # axes
@@ -28,14 +29,15 @@ def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Cons
     return tuple(reported)
 
 
-def sentence(constant: Constant) -> str:
-    """Return what a reader of the result should know of a constant."""
+def constant_note(constant: Constant) -> Note:
+    """Return how far a constant is from the nominal, as a message."""
     axes, P = constant.axes, constant.covariance
     if len(axes) > _LISTED:
         first, last = (
             f"{axes[k]} {constant.value[k]:+.2f} ± {np.sqrt(P[k, k]):.2f}" for k in (0, -1)
         )
-        return f"{constant.name.capitalize()}, off: {first}, {last} {constant.unit} (1 sigma)."
+        name = constant.name.capitalize()
+        return note("I407", constant=name, values=f"{first}, {last}", unit=constant.unit)
     degrees = constant.unit == "rad"
     scale, unit = (np.degrees(1.0), "deg") if degrees else (1.0, constant.unit)
     sigma = np.sqrt(np.diag(P))
@@ -44,4 +46,4 @@ def sentence(constant: Constant) -> str:
         for axis, v, s in zip(axes, constant.value, sigma, strict=True)
     )
     name = constant.name[:1].upper() + constant.name[1:]
-    return f"{name}, off what the flight states: {values} {unit} (1 sigma)."
+    return note("I407", constant=name, values=values, unit=unit)

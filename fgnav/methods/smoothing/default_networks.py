@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from fgnav import plugins
+from fgnav.messages import note
 from fgnav.methods.smoothing.custom_sources import FACTORS, factor_source
 from fgnav.types.flight import Flight
 
@@ -20,7 +21,7 @@ def default_networks(flight: Flight) -> "tuple[tuple[NeuralFactor, ...], tuple[s
     network: NeuralFactor = factor_source(GRAVITY)  # type: ignore[assignment]  # a manifest's
     refusal = network.refusal(flight)
     if refusal is not None:
-        return (), (f"Network {GRAVITY} is not asked: {refusal}.",)
+        return (), (note("W405", network=GRAVITY, refusal=refusal),)
     return (network,), ()
 
 

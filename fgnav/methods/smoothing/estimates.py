@@ -15,12 +15,12 @@ from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
-from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
+from fgnav.messages import note
+from fgnav.methods.smoothing.calibration_report import calibrated_constants, constant_note
 from fgnav.methods.smoothing.observability import TURN, undetermined
 from fgnav.types.estimate import Estimate
 
 ROUGH = "its window ended too far from where it was linearised"
-_REFUSED = "estimate, for windows ended too far from where they were linearised,"
 _FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
 
 
@@ -53,14 +53,14 @@ def estimate_of(
     open_states, weak = undetermined(problem, solution)
     if prepared.rough and not solution.converged:
         open_states = (TURN, *open_states)
-    notes = [weak] if weak else []
+    notes = [note("W403", states=", ".join(weak))] if weak else []
     refused = _refused(prepared, solution)
     converged = solution.converged or bool(refused.any())
     if not converged:
-        notes.append(f"{name} did not end at a minimum: do not use the estimate.")
-    notes += gap_notes(_REFUSED, spans(problem.t_s, refused))
+        notes.append(note("E401", method=name))
+    notes += gap_notes("estimate", spans(problem.t_s, refused), "W402")
     constants = calibrated_constants(problem.constants, solution)
-    notes += map(sentence, constants)
+    notes += map(constant_note, constants)
     epochs = prepared.epochs if rows is None else len(rows)
     rows = np.arange(len(problem.t_s)) if rows is None else rows
     lost = int(refused[rows].sum())

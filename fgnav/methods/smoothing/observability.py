@@ -15,8 +15,8 @@ _AXES = ("x", "y", "z")
 TURN = "turn about the specific force"  # what attitudes of one vector each leave open
 
 
-def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...], str]:
-    """Return the states that most keyframes leave open, by name, and a sentence on weak ones.
+def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the states that most keyframes leave open, by name, and the weakly observable biases.
 
     A direction of a state is open where its sigma is more than half of what it was before the
     flight; of a rotation, where it is more than 15 degrees.
@@ -25,8 +25,8 @@ def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...],
     -------
     names : tuple of str
         As in ``Estimate.unobservable``: ``"heading"``, ``"position"``.
-    note : str
-        Bias components that the flight determines poorly; empty if there are none.
+    weak : tuple of str
+        Bias components that the flight determines poorly.
     """
     P = solution.covariance
     names = []
@@ -47,14 +47,13 @@ def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...],
     now = np.median(np.sqrt(np.einsum("nii->ni", P[:, 9 : 9 + width, 9 : 9 + width])), axis=0)
     kept = now / before
     kinds = ("accelerometer bias", "gyroscope bias")[: width // 3]
-    weak = [
+    weak = tuple(
         f"{kind} about {axis}_b" if k else f"{kind} along {axis}_b"
         for k, kind in enumerate(kinds)
         for axis, share in zip(_AXES, kept[3 * k : 3 * k + 3], strict=True)
         if share > _OPEN
-    ]
-    note = f"The flight determines poorly: {', '.join(weak)}." if weak else ""
-    return tuple(names), note
+    )
+    return tuple(names), weak
 
 
 def _share(covariance: FloatArray, before: float) -> float:

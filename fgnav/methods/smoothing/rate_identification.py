@@ -71,7 +71,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     if best is stated:
         return replace(prepared, attitude_inflation_rad2=added)
     note = prior_note(_prior(here))
-    notes = tuple(one for one in prepared.notes if not one.startswith("Rate prior"))
+    notes = tuple(one for one in prepared.notes if getattr(one, "code", "") != note.code)
     return replace(
         prepared,
         problem=best.problem,
