@@ -11,6 +11,7 @@ from fgnav.messages import by_severity
 from fgnav.types.estimate import Verdict
 
 _MOST_LINES = 8
+_LISTED = 5  # messages of a method
 _MOST_LINKS = 3
 _DOUBTFUL = 0.01  # what resolvers that accept by a probability leave out (``wrong_max``)
 HEADS = (
@@ -68,9 +69,18 @@ def remarks(comparison: Comparison) -> list[str]:
     for kind in (_failure, _verdicts, _unobservable, _open_heading, _reservations):
         lines += _by_method({m.name: kind(m) for m in methods})
     complete = [m for m in methods if " without " not in m.name]  # they say it, too
-    lines += _by_method({m.name: by_severity(m.score.notes) for m in complete or methods})
+    lines += _by_method({m.name: _foremost(m.score.notes) for m in complete or methods})
     lines += _by_method({m.name: _rejections(m) for m in methods})
     return lines + loss_lines({m.name: m.score.losses for m in comparison.solved})
+
+
+def _foremost(notes: Sequence[str]) -> list[str]:
+    """Return the worst messages, and how many there are besides."""
+    lines = by_severity(notes)
+    more = len(lines) - _LISTED
+    if more <= 0:
+        return lines
+    return [*lines[:_LISTED], f"{more} more messages: --json lists them."]
 
 
 def _by_method(lines: Mapping[str, Iterable[str]]) -> list[str]:
