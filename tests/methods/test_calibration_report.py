@@ -63,5 +63,6 @@ def test_of_many_axes_the_first_and_the_last_are_listed():
     drift = flight_constant("barometer", axes, "m", 20.0)
     (found,) = calibrated_constants(Constants((drift,)), solution(np.arange(5.0), np.eye(5)))
     assert constant_note(found) == (
-        "Barometer, difference from the nominal: at 0.0 s +0.00 ± 1.00, at 4.0 s +4.00 ± 1.00 m (1 sigma)."
+        "Barometer, difference from the nominal: at 0.0 s +0.00 ± 1.00, "
+        "at 4.0 s +4.00 ± 1.00 m (1 sigma)."
     )
