@@ -20,7 +20,7 @@ from fgnav_sim.simulate import simulate
 
 ROOT = Path(__file__).resolve().parents[1]
 METHODS = ("closed-form", "maximum-likelihood", "forward", "smoother", "batch", "rtk")
-PAGE, SHEET = "1440,1560", (2338, 1500)
+PAGE, SHOWN, SHEET = "1440,960", (840, 560), (2338, 1500)
 
 
 def main() -> None:
@@ -37,9 +37,18 @@ def main() -> None:
         save_report(comparison, flight, page)
         browser = shutil.which("chromium") or shutil.which("google-chrome")
         if browser is not None:
-            shown = f"--screenshot={ROOT / 'docs/report.png'}"
-            command = [browser, "--headless=new", "--no-sandbox", "--hide-scrollbars", shown]
-            subprocess.run([*command, f"--window-size={PAGE}", page.as_uri()], check=True)
+            shot = page.with_name("shot.png")
+            command = [browser, "--headless=new", "--no-sandbox", "--hide-scrollbars"]
+            command += [f"--screenshot={shot}", f"--window-size={PAGE}", page.as_uri()]
+            subprocess.run(command, check=True)
+            keep(shot)
+
+
+def keep(shot: Path) -> None:
+    """Keep a screenshot of the report's beginning, small."""
+    with Image.open(shot) as image:
+        begin = image.convert("RGB").resize(SHOWN, Image.Resampling.LANCZOS).quantize(16)
+        begin.save(ROOT / "docs/tutorial/report.png", optimize=True)
 
 
 if __name__ == "__main__":

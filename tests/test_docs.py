@@ -9,6 +9,8 @@ import inspect
 import re
 import shlex
 import shutil
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 import msgspec
@@ -27,7 +29,10 @@ from fgnav_sim.simulate import simulate
 
 ROOT = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```(python|sh|toml)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-DOCUMENTS = [path for path in sorted(ROOT.glob("docs/*.md")) if BLOCK.search(path.read_text())]
+PAGES = [ROOT / "README.md", *sorted(ROOT.glob("docs/**/*.md"))]
+DOCUMENTS = [path for path in PAGES if BLOCK.search(path.read_text(encoding="utf-8"))]
+
+GROUPS = {f"fgnav.{name}" for name in ("exporters", "factors", "importers", "resolvers")}
 
 FACE = [getattr(fgnav, name) for name in fgnav.__all__]
 RECORDS = {one for one in FACE if inspect.isclass(one) and one.__module__.startswith("fgnav.types")}
@@ -76,7 +81,42 @@ def test_code_of_a_document_runs(document, capsys):
 
 
 def test_there_are_documents_with_code():
-    assert {"factors.md", "own_log.md"} <= {path.name for path in DOCUMENTS}
+    assert {"README.md", "custom_factor.md", "own_log.md"} <= {path.name for path in DOCUMENTS}
+
+
+def test_snippets_import_public_names_only():
+    """No path of three dots; a file of the library itself is the exception."""
+    allowed = {"new_sensor.md", "own_log.md"}
+    for path in DOCUMENTS:
+        code = "\n".join(block[2] for block in BLOCK.finditer(path.read_text(encoding="utf-8")))
+        assert path.name in allowed or not re.findall(r"^from \w+(?:\.\w+){3,} import", code, re.M)
+
+
+def test_names_of_the_code_are_there():
+    for path in PAGES:
+        for name in re.findall(r"`(fgnav(?:_\w+)?\.[\w.]+)`", path.read_text(encoding="utf-8")):
+            if name not in GROUPS:  # of entry points
+                assert importable(name), f"{path.name}: {name}"
+
+
+def importable(name):
+    """Return True if a name is that of a module, or of something in one."""
+    if find_spec(name.partition(".")[0]) is None:
+        return False
+    module, _, last = name.rpartition(".")
+    try:
+        return find_spec(name) is not None or hasattr(import_module(module), last)
+    except ModuleNotFoundError:
+        return hasattr(import_module(module), last)
+
+
+def test_tables_are_those_of_the_results(monkeypatch):
+    """``python docs/tables.py`` renews them."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    tables = import_module("tables")
+    for page in tables.PAGES:
+        text = page.read_text(encoding="utf-8")
+        assert tables.rendered(text) == text
 
 
 @pytest.mark.usefixtures("folder")

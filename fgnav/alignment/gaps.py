@@ -17,7 +17,7 @@ LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and no
 # accelerometer's bias off by 1.5 sigma.
 LONGEST_STEP_S = 0.1
 _LATE = 0.5  # steps: a tag that is late is no gap
-_LONGEST_TURN_RAD = 0.7  # between keyframes: docs/model.md, the rate's commutator
+_LONGEST_TURN_RAD = 0.7  # between keyframes: docs/theory/gyro_free_motion.md, commutator
 _SEVERAL = 2.5  # usual intervals without a measurement are worth a sentence
 _CORRELATION_S = 2.0  # of what a body does while nobody measures it
 LOST_S = 2.0  # from the next attitude: a body without a gyroscope may be anyhow by then

@@ -17,7 +17,7 @@ from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.types.flight import Flight
 
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin
-# (docs/model.md, the motion prior).
+# (docs/theory/gyro_free_motion.md).
 _MEAN_RATE_RADPS = 15.0
 SURVEYED_M = 0.01  # 1-sigma of a landmark that is not asked for: a surveyed beacon
 _SPACE_N = ("north", "east", "down")

@@ -1,11 +1,10 @@
 """Files and folders that appear whole or not at all.
 
-What is being written has another name, ``.NAME.PID.part``, and a lock that ends with its process,
-however that ends: the next write of NAME removes what killed ones have left.
+What is being written has another name, ``.NAME.PID.part``: the next write of NAME removes what
+killed processes have left.
 """
 
 import errno
-import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -52,16 +51,14 @@ def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator
     part = _part(path)
     try:
         make(part)
-        with _locked(part):
-            if tidy:
-                _remove_leftovers(path)
-            yield part
-            part.replace(path)
+        if tidy:
+            _remove_leftovers(path)
+        yield part
+        part.replace(path)
     except OSError as error:
         raise _cannot_be_written(path, error) from error
     finally:
-        with suppress(OSError):
-            shutil.rmtree(part) if part.is_dir() else part.unlink(missing_ok=True)
+        _remove(part)
 
 
 def write_text(path: Path, text: str, *, tidy: bool = True) -> None:
@@ -130,29 +127,25 @@ def _cannot_be_written(path: Path, error: OSError) -> BadInputError:
     return BadInputError(f"{path}: cannot be written: {error.strerror or error}{mend}")
 
 
-@contextmanager
-def _locked(part: Path) -> Iterator[None]:
-    """Hold a lock on a file or folder."""
-    handle = os.open(part, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(handle)
-
-
 def _remove_leftovers(path: Path) -> None:
     """Remove what writers of ``path`` have left that are no more."""
     start = f".{path.name}."
     for other in path.parent.iterdir():
         pid = other.name.removeprefix(start).removesuffix(".part")
-        if other.name != f"{start}{pid}.part" or not pid.isdigit() or other == _part(path):
-            continue
-        with suppress(OSError):  # gone meanwhile, or not ours to remove
-            handle = os.open(other, os.O_RDONLY)
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(other) if other.is_dir() else other.unlink()
-            finally:
-                os.close(handle)
+        if other.name == f"{start}{pid}.part" and pid.isdigit() and not _is_running(int(pid)):
+            _remove(other)
+
+
+def _remove(path: Path) -> None:
+    with suppress(OSError):  # gone meanwhile, or not ours to remove
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def _is_running(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True

@@ -11,6 +11,9 @@ from fgnav.checks import FloatArray
 GPS_EPOCH = np.datetime64("1980-01-06T00:00:00", "us")
 TICKS_PER_S = 10_000_000
 BDT_BEHIND_GPS_S = 14  # fixed since 2006-01-01
+# Whole seconds behind GPS time, of BeiDou's since 2006; of TAI ahead.
+BEHIND_GPS_S = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "BDT": float(BDT_BEHIND_GPS_S), "TAI": -19.0}
+SCALES = (*BEHIND_GPS_S, "UTC", "GLO")  # GLONASS's time is UTC in files
 UNIX_OF_GPS_S = 315_964_800  # 1980-01-06 in POSIX time, leap seconds not counted
 WEEK_S = 604_800
 _SECONDS = 61  # of a minute, one of them a leap second
@@ -54,6 +57,13 @@ def gps_of_utc(unix_s: FloatArray) -> FloatArray:
     """Return (k,) GPS seconds since 1980-01-06 of POSIX times, which are UTC."""
     leaps_s = (LEAPS - np.datetime64(0, "s")) / np.timedelta64(1, "s")
     return np.asarray(unix_s - UNIX_OF_GPS_S + np.searchsorted(leaps_s, unix_s, side="right"))
+
+
+def gps_of(time_s: FloatArray, scale: str) -> FloatArray:
+    """Return (k,) GPS seconds since 1980-01-06 of those of one of ``SCALES``."""
+    if scale in BEHIND_GPS_S:
+        return np.asarray(time_s + BEHIND_GPS_S[scale])
+    return gps_of_utc(time_s + UNIX_OF_GPS_S)
 
 
 def utc_of_gps(gps: np.ndarray) -> np.ndarray:

@@ -19,13 +19,9 @@ NotNegative: TypeAlias = Annotated[float, msgspec.Meta(ge=0)]
 Vector: TypeAlias = tuple[float, float, float]
 T = TypeVar("T")
 
-# A flight, a scenario or a recipe is written by hand: theirs have 3 levels, keys of 40 characters
-# and 20 kB. Beyond, tomllib's recursion, and its square of a dotted key's length, are the limit.
-_MOST_BYTES, _DEEPEST, _LONGEST_KEY = 4_000_000, 32, 200
+_MOST_BYTES = 4_000_000  # a flight, a scenario or a recipe is written by hand: theirs have 20 kB
 _LEAST = 1e-30  # its inverse, squared and squared again, is still a number
 _LARGEST_INTEGER = 2**63  # TOML 1.0: what does not fit into 64 bits is an error
-_PART = rb"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
-_DOTTED = re.compile(rb"(?<![A-Za-z0-9_-])(?:" + _PART + rb"[ \t]*+\.[ \t]*+){%d}" % _DEEPEST)
 _AT = re.compile(r" - at `\$\.?(?P<key>[^`]*)`$")
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 _OWN_RULE = re.compile(r"([\w.\[\]]+): (.*)")
@@ -44,17 +40,12 @@ def read_toml(path: Path) -> dict[str, Any]:
     BadInputError
         If the file cannot be read or is not TOML.
     """
-    content = read_bytes(path, _MOST_BYTES)
-    if _DOTTED.search(content):
-        raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer, a key has more")
     try:
-        table = tomllib.loads(content.decode("utf-8-sig"))
-    except RecursionError:
-        raise BadInputError(f"{path}: must be TOML of {_DEEPEST} levels or fewer") from None
-    except ValueError as error:  # not TOML, not UTF-8, or a number that Python refuses
+        return tomllib.loads(read_bytes(path, _MOST_BYTES).decode("utf-8-sig"))
+    except (RecursionError, ValueError) as error:  # not TOML, not UTF-8, no number, too deep
+        if isinstance(error, BadInputError):
+            raise
         raise BadInputError(f"{path}: must be TOML, {error!s:.200}") from None
-    check_sizes(path, table)
-    return table
 
 
 def read_toml_or_json(path: Path) -> dict[str, Any]:
@@ -73,32 +64,7 @@ def read_toml_or_json(path: Path) -> dict[str, Any]:
         raise BadInputError(f"{path}: must be JSON, {error!s:.200}") from None
     if not isinstance(content, dict):
         raise BadInputError(f"{path}: must be a JSON object, got {type(content).__name__}")
-    check_sizes(path, content)
     return content
-
-
-def check_sizes(path: Path, content: object) -> None:
-    """Raise at what is too deep, too long or too large to be meant; without recursion."""
-    todo = [("", content, 0)]
-    while todo:
-        key, value, depth = todo.pop()
-        if depth > _DEEPEST:
-            raise BadInputError(f"{path}: key {key[:80]}: must be nested {_DEEPEST} deep or less")
-        if isinstance(value, dict):
-            for name, inner in value.items():
-                here = f"{key}.{name}".lstrip(".")
-                if len(name) > _LONGEST_KEY or not name.isprintable():
-                    raise BadInputError(
-                        f"{path}: key {quoted(name)}: must be printable, of {_LONGEST_KEY} "
-                        "characters or fewer"
-                    )
-                todo.append((here, inner, depth + 1))
-        elif isinstance(value, list):
-            todo += [(f"{key}[{row}]", inner, depth + 1) for row, inner in enumerate(value)]
-        elif isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
-            raise BadInputError(f"{path}: key {key}: must be a number of 64 bits")
-        elif isinstance(value, str) and "\0" in value:
-            raise BadInputError(f"{path}: key {key}: must not hold NUL, got {quoted(value)}")
 
 
 def as_table(path: Path, content: Mapping[str, Any], table: type[T]) -> T:
@@ -119,17 +85,26 @@ def as_table(path: Path, content: Mapping[str, Any], table: type[T]) -> T:
         raise BadInputError(f"{path}: key {error}") from None
 
 
-def _check_keys(where: str, value: object, info: inspect.Type) -> None:
-    """Raise at the first key that its table does not have, or number that is not finite."""
+def _fault(value: object, info: inspect.Type) -> str:
+    """Return the rule that a value breaks, whatever its key; nothing of one that may be."""
+    if isinstance(value, int) and not -_LARGEST_INTEGER <= value < _LARGEST_INTEGER:
+        return "must be a number of 64 bits"
     if isinstance(value, float) and not np.isfinite(value):
-        raise BadInputError(f"{where}: must be finite, got {value}")
+        return f"must be finite, got {value}"
     if isinstance(value, float) and value and not _LEAST <= abs(value) <= 1 / _LEAST:
-        raise BadInputError(
-            f"{where}: must be 0, or in size between {_LEAST:g} and {1 / _LEAST:g}, got {value}"
-        )
+        return f"must be 0, or in size between {_LEAST:g} and {1 / _LEAST:g}, got {value}"
+    if isinstance(value, str) and "\0" in value:
+        return f"must not hold NUL, got {quoted(value)}"
     words = _words(info)
     if words and isinstance(value, str) and value not in words:
-        raise BadInputError(f"{where}: must be {' or '.join(words)}, got {quoted(value)}")
+        return f"must be {' or '.join(words)}, got {quoted(value)}"
+    return ""
+
+
+def _check_keys(where: str, value: object, info: inspect.Type) -> None:
+    """Raise at the first key that its table does not have, or value that breaks a rule."""
+    if fault := _fault(value, info):
+        raise BadInputError(f"{where}: {fault}")
     if isinstance(value, list):
         item: inspect.Type = inspect.AnyType()
         if isinstance(info, inspect.ListType | inspect.VarTupleType):
@@ -140,7 +115,7 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
         return
     allowed = _known(where, value, info)
     for key, inner in value.items():
-        here = f"{where}.{key}".lstrip(".")
+        here = f"{where}.{quoted(key)[1:-1]}".lstrip(".")
         if allowed and key not in allowed:
             near = f"{where}.{get_close_matches(key, allowed, n=1, cutoff=0.0)[0]}".lstrip(".")
             raise BadInputError(f"{here}: unknown; the nearest known key is {near}")

@@ -57,14 +57,12 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
     most : int or None
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
     is_text : bool
-        Whether it has to be text, which is unpacked where it is packed: holes of sparse files are
-        not read.
+        Whether it is text, which is unpacked where it is packed.
 
     Raises
     ------
     BadInputError
-        If there is no such file, it is no regular file, larger than allowed, no text where it has
-        to be, or cannot be read.
+        If there is no such file, it is no regular file, larger than allowed, or cannot be read.
     """
     limit = max_bytes() if most is None else min(most, max_bytes())
     try:
@@ -74,12 +72,9 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
             raise BadInputError(f"{path}: must be a regular file, is {kind}")
         if status.st_size > limit:
             raise _too_large(path, f"has {status.st_size} bytes", limit)
-        with path.open("rb") as file:
-            if is_text and status.st_size > _PIECE_BYTES:
-                _refuse_holes(path, file)
-            # What the kernel makes up (/proc) states no size: nothing is read of it.
+        with path.open("rb") as file:  # what the kernel makes up (/proc) states no size
             content = file.read(status.st_size)
-            return unpacked(path, content) if is_text else content
+        return unpacked(path, content) if is_text else content
     except FileNotFoundError as error:
         raise BadInputError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -102,6 +97,13 @@ def encoding_of(head: bytes) -> str:
     return "utf-16-be" if head[:1] == b"\0" and head[1:2] not in (b"", b"\0") else "utf-8-sig"
 
 
+def unmarked(content: bytes) -> bytes:
+    """Return text with a byte-order mark in one byte a letter; other content as it is."""
+    if not content.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content
+    return content.decode(encoding_of(content[:4]), "replace").encode("latin-1", "replace")
+
+
 def read_lines(path: Path) -> list[str]:
     """Return the lines of a text that a program wrote, in any encoding, without their ends.
 
@@ -110,25 +112,6 @@ def read_lines(path: Path) -> list[str]:
     content = read_bytes(path)
     text = content.decode(encoding_of(content[:4]), "replace")
     return text.rstrip("\x1a\0\r\n").splitlines()
-
-
-def _refuse_holes(path: Path, file: BinaryIO) -> None:
-    """Refuse what holds a NUL before all of it is in memory: gigabytes of them take no disk.
-
-    Of packed text a piece of nothing else, for it has single ones.
-    """
-    begun, hole = 0, b"\0"
-    while piece := file.read(_PIECE_BYTES):
-        if not begun and piece.startswith(tuple(PACKED)):
-            hole = bytes(_PIECE_BYTES)
-        at = piece.find(hole)
-        if at >= 0:
-            raise BadInputError(
-                f"{path}: must be text, got a NUL as byte {begun + at + 1} of a large file; take "
-                "the file again"
-            )
-        begun += len(piece)
-    file.seek(0)
 
 
 def unpacked(path: Path, content: bytes) -> bytes:

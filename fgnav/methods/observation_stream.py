@@ -66,7 +66,7 @@ class ObservationStream:
     all of them (20 MB an hour, of 2 and 100 samples a second) and runs again whenever that has
     doubled. Of arrays, bodies without a gyroscope, and beside a base, a detector, a gravity
     estimator or wheels it keeps and reads all of them at every epoch: for short flights
-    (docs/model.md).
+    (docs/howto/streaming.md).
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """The smoother as a method, asked in three ways: a window, its newest state, a whole flight.
 
-All three estimate the same factor graph (docs/model.md), which GTSAM solves.
+All three estimate the same factor graph (docs/theory/factor_graph.md), which GTSAM solves.
 """
 
 from dataclasses import dataclass, field, replace

@@ -8,7 +8,7 @@ coordinates of keyframe t, mean error e_t and covariance P_t, state
 
 With ``a_t = P_t^-1 e_t``, ``B_t = (P_t^-1 - a_t a_t') / 2`` (each over the number of keyframes),
 ``l = P a`` and ``M = P B P``, ``W = C^-1``, x the posterior mean and ``r^`` the residual there,
-docs/model.md derives
+docs/theory/covariance.md has
 
     dNLL/dr = -W J l        dNLL/dW = -sym(J l r^') - J M J'        dNLL/dC = -W dNLL/dW W
     dNLL/dJ = -W (2 J M + J l x' + r^ l').

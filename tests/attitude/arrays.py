@@ -26,16 +26,21 @@ def synthetic(
     code_m=0.3,
     sine=False,
     missing=0.0,
+    noise=1.0,
 ):
-    """Double differences and their true integers at attitudes R_nb of satellites e_n."""
-    n, m, a = len(R_nb), len(e_n), len(antennas_b_m)
+    """Double differences and their true integers at attitudes R_nb of satellites e_n.
+
+    Of errors there is a share ``noise`` of what is stated.
+    """
+    n, m, a = len(R_nb), np.shape(e_n)[-2], len(antennas_b_m)
     group = np.zeros(m, dtype=int) if group is None else np.asarray(group)
     e_n = np.broadcast_to(e_n, (n, m, 3))
     scale = 1 / -e_n[..., 2] if sine else np.ones((n, m))
     ranges_m = -np.einsum("nmi,nij,aj->nam", e_n, R_nb, antennas_b_m - antennas_b_m[0])
     integers = rng.integers(-1000, 1000, (a, m)) * np.ones((n, 1, 1), dtype=int)
-    phase = ranges_m + integers * L1_M + phase_m * scale[:, None] * rng.standard_normal((n, a, m))
-    code = ranges_m + code_m * scale[:, None] * rng.standard_normal((n, a, m))
+    error = noise * scale[:, None] * rng.standard_normal((2, n, a, m))
+    phase = ranges_m + integers * L1_M + phase_m * error[0]
+    code = ranges_m + code_m * error[1]
     first = np.array([np.flatnonzero(group == g)[0] for g in range(group.max() + 1)])
     gone = rng.random((n, a, m)) < missing
     gone[:, 0] = False

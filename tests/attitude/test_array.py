@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fgnav.attitude import RotationQuadratic, maximum_likelihood
-from fgnav.attitude.array import agreeing, axis_name
+from fgnav.attitude.array import agreeing
 from fgnav.geometry import rotations
 from fgnav.types.estimate import open_angle_variance_rad2
 
@@ -95,13 +95,6 @@ def test_nothing_measured_is_not_solved():
     solution = maximum_likelihood(RotationQuadratic.of_double_differences(differences, none))
     assert not solution.solved.any()
     assert solution.unobservable() == ()
-
-
-def test_axes_have_their_names():
-    assert axis_name(np.array([[0, 0, -2.0]])) == "yaw"
-    # Two antennas at one place have no direction; of the others either sign is the same.
-    line = np.array([[0, 0, 0], [-1.0, 0, 0.1], [2.0, 0, -0.2]])
-    assert axis_name(line) == "rotation about the body axis [0.995, 0.000, -0.100]"
 
 
 @pytest.mark.parametrize(("louder", "believed"), [(1.0, 1.0), (0.5, 0.5), (2.0, 2.0), (10.0, 3.0)])

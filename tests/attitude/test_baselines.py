@@ -7,15 +7,13 @@ from fgnav.attitude.baselines import body_motion, paper_baselines, weighted_base
 from fgnav.attitude.vector_pairs import sensitivity, wahba
 from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
-from fgnav.types.differences import DoubleDifferences
-from fgnav.types.integers import Integers
 from fgnav_sim.motion import Arc, Motion
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
-from tests.integers.arrays import link_covariance
+from tests.attitude.arrays import sky, synthetic
+from tests.integers.arrays import L1_M, link_covariance
 
 ARRAY_B_M = np.array([[0, 0.5, 0], [1.0, 0, 0], [-0.8, 0.1, 0.3]])
-L1_M = 0.190293672798
 MM = 1e-3
 
 
@@ -24,60 +22,14 @@ def rng():
     return np.random.default_rng(29)
 
 
-def sky(rng, n, m):
-    """Unit vectors to satellites above 10 degrees, (n, m, 3), and elevations."""
-    az, el = rng.uniform(0, 2 * np.pi, (n, m)), np.radians(rng.uniform(10, 85, (n, m)))
-    down = -np.sin(el)
-    return np.stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), down], axis=2), el
-
-
 def made(rng, R_nb, *, per_group=(6, 5), missing=0.0, noise=1.0):
     """Double differences of the array with true integers, unequal weights and missing links."""
-    n, m, b = len(R_nb), sum(per_group), len(ARRAY_B_M)
+    e_n = np.stack([sky(sum(per_group), rng) for _ in R_nb])
     group = np.repeat(np.arange(len(per_group)), per_group)
-    e_n, el = sky(rng, n, m)
-    sigma_m = 3 * MM / np.sin(el)
-    reference = np.stack(
-        [np.flatnonzero(group == g)[el[:, group == g].argmax(axis=1)] for g in np.unique(group)],
-        axis=1,
-    )
-    of_reference = reference[:, group]
-    links_m = noise * sigma_m[:, None] * rng.standard_normal((n, b + 1, m))
-    antennas_n_m = np.einsum("nij,aj->nai", R_nb, np.vstack([np.zeros(3), ARRAY_B_M]))
-    links_m -= np.einsum("nai,nmi->nam", antennas_n_m, e_n)
-    single_m = links_m[:, 1:] - links_m[:, :1]
-    index = np.broadcast_to(of_reference[:, None], single_m.shape)
-    phase_m = single_m - np.take_along_axis(single_m, index, axis=2)
-    cycles = rng.integers(-9, 10, (n, b, m))
-    is_reference = of_reference == np.arange(m)
-    cycles[np.broadcast_to(is_reference[:, None], cycles.shape)] = 0
-    phase_m += L1_M * cycles
-    lost = (rng.random((n, b, m)) < missing) & ~is_reference[:, None]
-    phase_m[lost] = np.nan
-    differences = DoubleDifferences(
-        t_s=np.arange(n, dtype=float),
-        baselines_b_m=ARRAY_B_M,
-        satellites=tuple(f"{'GE'[g]}{i:02d}" for i, g in enumerate(group)),
-        signals=("1C",) * m,
-        wavelength_m=np.full(m, L1_M),
-        group=group,
-        reference=reference,
-        e_n=e_n,
-        elevation_rad=el,
-        code_m=phase_m,
-        phase_m=phase_m,
-        code_variance_m2=np.ones((n, m)),
-        phase_variance_m2=sigma_m**2,
-        arc=np.zeros((n, b, m), dtype=int),
-    )
-    fixed = differences.resolvable
-    integers = Integers(
-        resolver="truth",
-        cycles=np.where(fixed, cycles, 0),
-        fixed=fixed,
-        ratio=np.full((n, b), np.nan),
-    )
-    return differences, integers
+    return synthetic(
+        R_nb, e_n, rng, antennas_b_m=np.vstack([np.zeros(3), ARRAY_B_M]), group=group,
+        sine=True, missing=missing, noise=noise,
+    )  # fmt: skip
 
 
 def random_rotations(rng, n):

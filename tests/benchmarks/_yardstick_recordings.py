@@ -1,7 +1,7 @@
 """Recordings of the yardstick: what each is held against, and its figures."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -9,22 +9,27 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import fgnav
-from fgnav.checks import FloatArray
+from fgnav.checks import BoolArray, FloatArray
 from fgnav.evaluation.span import within
 from fgnav.geometry import rotations
 from fgnav.geometry.interpolation import interpolate
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav.methods.smoother import Batch
 from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Fixes
 from tests import test_wettzell
-from tests.benchmarks import car
 from tests.benchmarks._rows import DATA
 from tests.benchmarks._yardstick_results import judged, solved
+from tests.recordings import drive as drive_of
 from tests.recordings import quadrotor, uav
 
 AIRBORNE_MPS = 8.0
 UAV_S = (110.0, 400.0)  # a minute and a half on the ground, the rest in the air
 MARGIN_S = 1.0  # of withheld fixes to the ends of the record: clocks disagree by half of it
+FIRST_S, LAST_S, LENGTH_S, EVERY_S = 40.0, 30.0, 15.0, 45.0  # outages: README of the recording
+AUTHORS_N_M = (0.155, 0.253, 0.089)  # RMS errors in outages, north, east, down: the same
+ROUNDING_M = 0.011 / np.sqrt(12)  # of the recording's coordinates
+SAME_S = 1e-6
 INDEPENDENT = ("independent_gyro", "independent_nominal")
 
 
@@ -40,18 +45,56 @@ def constants(estimate: Estimate) -> dict[str, float]:
     return {one.name: one.value.item() for one in scalars} | sigmas
 
 
-def drive() -> dict:
-    """Return the car with a fix each second, against the fixes withheld between."""
-    case = "withheld_batch"
-    whole, given = car.flight_of(case)
+@dataclass(frozen=True, eq=False)
+class Withheld:
+    """An estimate's position errors at fixes it was not given, (m, 3), and their covariances."""
+
+    e_n_m: FloatArray
+    covariance_m2: FloatArray
+
+    @classmethod
+    def of(cls, estimate: Estimate, fixes: Fixes, withheld: BoolArray) -> "Withheld":
+        """Return the errors at fixes whose antenna is the body's origin."""
+        fixes = fixes[withheld]
+        at = np.searchsorted(estimate.t_s, fixes.t_s - SAME_S).clip(max=len(estimate.t_s) - 1)
+        there = np.abs(estimate.t_s[at] - fixes.t_s) < SAME_S
+        at, fixes = at[there], fixes[there]
+        noise_m2 = np.maximum(fixes.position_sigma_m, ROUNDING_M) ** 2
+        return cls(
+            e_n_m=estimate.p_n_m[at] - fixes.p_n_m,
+            covariance_m2=estimate.position_covariance_m2[at] + noise_m2[:, :, None] * np.eye(3),
+        )
+
+    @property
+    def nees(self) -> float:
+        """Normalised errors squared, mean of all."""
+        solved = np.linalg.solve(self.covariance_m2, self.e_n_m[..., None])[..., 0]
+        return float((self.e_n_m * solved).sum(axis=1).mean())
+
+
+def drive(*, outages: bool) -> dict:
+    """Return the car against the fixes withheld: three of four, or 15 s of every 45.
+
+    Its authors cut outages so; the errors of their own filter are figures beside.
+    """
+    whole = drive_of(DATA, stretched=True)
+    fixes = whole.fixes[0]
+    since_s = fixes.t_s - FIRST_S
+    lost = (since_s >= 0) & (since_s % EVERY_S < LENGTH_S) & (fixes.t_s < fixes.t_s[-1] - LAST_S)
+    withheld = lost if outages else np.round(fixes.t_s * 4).astype(int) % 4 != 0
+    flight = replace(whole, fixes=(fixes[~withheld],))
+    given_s = flight.fixes[0].t_s
+    first_s = given_s[given_s > whole.imu.t_s[0]][0]  # no keyframe is before it
+    t_s = fixes.t_s[(fixes.t_s >= first_s) & (fixes.t_s < whole.imu.t_s[-1])]
 
     def evaluate(estimate: Estimate) -> dict:
-        off = car.Off.of(estimate, whole.fixes[0], ~given)
-        rmse_m = float(np.linalg.norm(off.rms_n_m))
-        found = {"rmse": {"position": rmse_m}, "nees": {"position": off.nees}}
-        return found | {"figures": constants(estimate)}
+        errors = Withheld.of(estimate, fixes, withheld)
+        rmse_m = float(np.sqrt((errors.e_n_m**2).sum(axis=1).mean()))
+        peer = {"authors' filter": float(np.linalg.norm(AUTHORS_N_M))} if outages else {}
+        found = {"rmse": {"position": rmse_m}, "nees": {"position": errors.nees}}
+        return found | {"figures": peer | constants(estimate)}
 
-    return solved(lambda: car.solved(case, whole, given), evaluate)
+    return solved(lambda: Batch().at(flight, t_s), evaluate)
 
 
 def quadrotor_path(path: str) -> dict:
@@ -78,7 +121,7 @@ def quadrotor_path(path: str) -> dict:
         return {"rmse": {"attitude": rms_deg}, "figures": constants(estimate)}
 
     def position(estimate: Estimate) -> dict:
-        return {"nees": {"position": car.Off.of(estimate, flight.fixes[0], withheld).nees}}
+        return {"nees": {"position": Withheld.of(estimate, flight.fixes[0], withheld).nees}}
 
     more = solved(lambda: Batch().at(half, t_s[withheld & inner]), position)
     kept = {name: more[name] for name in ("nees", "failure") if name in more}
@@ -140,5 +183,6 @@ RECORDINGS: dict[str, Callable[[], dict]] = {
     "thor75": thor75,
     "quadrotor_path_10": partial(quadrotor_path, path="path_10"),
     "quadrotor_path_15": partial(quadrotor_path, path="path_15"),
-    "drive_0708": drive,
+    "drive_0708": partial(drive, outages=False),
+    "drive_0708_outages": partial(drive, outages=True),
 }

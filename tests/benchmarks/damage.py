@@ -24,13 +24,10 @@ def run() -> list[Row]:
         seeds = range(FIRST, FIRST + CASES)
         outcomes = [case(flights[seed % 2], seed, folder / "case") for seed in seeds]
         faults, hits = _kills(flights[0].folder, folder)
-    for one in outcomes:
-        if one.kind in BAD:
-            print(f"{one.kind}: seed {one.seed}, {one.damage}, {one.command}: {one.text[-200:]}")
-    print(*faults, sep="\n")
-    bad = sum(one.kind in BAD for one in outcomes)
+    bad = [one for one in outcomes if one.kind in BAD]
+    print(*bad, *faults, sep="\n")
     note = f"of {CASES} damaged flights: silent losses, tracebacks, hangs, nameless errors and such"
-    rows = [row("damage", bad, None, "cases", note)]
+    rows = [row("damage", len(bad), None, "cases", note)]
     for kind in (*GOOD, *BAD):
         count = sum(one.kind == kind for one in outcomes)
         name = f"damage_{kind.replace(' ', '_')}"
@@ -43,8 +40,7 @@ def _kills(flight: Path, folder: Path) -> tuple[list[str], int]:
     """Kill every command that writes; return what was wrong, and how often it was still running."""
     todo = [(command, KILLS) for command in commands(flight, *small_inputs(folder))]
     todo += [(command, KILLS_OF_MODELS) for command in commands_of_models()]
-    faults: list[str] = []
-    hits = 0
+    faults, hits = list[str](), 0
     for k, (command, times) in enumerate(todo):
         more, hit = killed(command, times, folder / "kills", np.random.default_rng([6, k]))
         faults, hits = faults + more, hits + hit

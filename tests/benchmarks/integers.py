@@ -7,7 +7,6 @@ problems counts nothing else.
 
 import ctypes
 from collections.abc import Callable
-from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from time import perf_counter
@@ -17,25 +16,27 @@ import numpy as np
 from numba import njit
 
 from fgnav.checks import FloatArray
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.ils import search as ils
 from fgnav.integers.ils.affine import search_array
+from fgnav.integers.resolvers.constrained import Constrained
 from tests.benchmarks._rows import Row, row, timed
 from tests.integers.arrays import L1_M, float_solution, make, sky
 
 SIZES = {"lambda_n5": 1, "lambda_n10": 2, "lambda_n20": 4}
-PROTOTYPE = {0.1: 99.7, 0.3: 88.5, 1.0: 20.0}  # %, means of the ranges a prototype reached
 NAMES = (
     *SIZES,
     "lambda_n35",
     "lambda_n35_weak",
     "lambda_array_epoch",
-    *(f"affine_success_{code_m}m" for code_m in PROTOTYPE),
+    "constrained_batch",
+    "constrained_single",
 )
-PROBLEMS, REPEATS, WEAK = 300, 40, 100
+PROBLEMS, REPEATS, WEAK, NODES = 300, 10, 100, 10**6
 
 
 def run() -> list[Row]:
-    """Time ours and RTKLIB's search, and count the right answers of the paper's array."""
+    """Time ours and RTKLIB's search."""
     rng = np.random.default_rng(35)
     rtklib = _rtklib()
     rows = []
@@ -43,9 +44,8 @@ def run() -> list[Row]:
         problems = [baselines_problem(rng, b) for _ in range(PROBLEMS)]
         rows.append(_against(rtklib, name, problems, "free"))
     of_array = array_search(rng)
-    rows += [of_array, _epoch(of_array)]
-    rows.append(_weak(rtklib, rng))
-    return rows + [_success(rng, code_m) for code_m in PROTOTYPE]
+    rows += [of_array, *_epochs(of_array)]
+    return [*rows, _weak(rtklib, rng)]
 
 
 def array_search(rng: np.random.Generator) -> Row:
@@ -145,17 +145,20 @@ def _weak(rtklib: Any, rng: np.random.Generator) -> Row:
     return row("lambda_n35_weak", unsolved, gave_up, "count", note, less=True)
 
 
-def _epoch(peer: Row) -> Row:
-    """Time a whole epoch of the paper's array: float solution and joint search."""
-    differences = make(np.random.default_rng(2), epochs=PROBLEMS, code_m=0.3, sine=True).differences
-    (ours_us,) = _interleaved_us(partial(search_array, differences, joint=True))
-    note = "float solution and joint search of 8 antennas and 6 satellites; peer: RTKLIB's search"
-    return row("lambda_array_epoch", ours_us, peer["peer"], "us", note, less=True)
-
-
-def _success(rng: np.random.Generator, code_m: float) -> Row:
-    made = make(rng, epochs=5000, code_m=code_m)
-    found = search_array(made.differences, joint=True)
-    right = 100.0 * float((found.cycles == made.cycles).all(axis=(1, 2)).mean())
-    note = "epochs with all 35 integers right, phase 3 mm; peer: an independent prototype's figure"
-    return row(f"affine_success_{code_m}m", right, PROTOTYPE[code_m], "%", note)
+def _epochs(peer: Row) -> list[Row]:
+    """Time whole epochs of the paper's array, against RTKLIB's search of as many integers."""
+    many = make(np.random.default_rng(2), epochs=PROBLEMS, code_m=0.3, sine=True).differences
+    one = make(np.random.default_rng(3), epochs=1, code_m=0.3, sine=True)
+    works = {
+        "lambda_array_epoch": (lambda: search_array(many, joint=True), "float solution, search"),
+        "constrained_batch": (lambda: search_constrained(many, NODES), "constrained search"),
+        "constrained_single": (
+            lambda: [Constrained()(one.differences, one.flight) for _ in range(PROBLEMS)],
+            "one at a time: noise, constrained search, chance of being wrong, chi-square",
+        ),
+    }
+    times_us = _interleaved_us(*(work for work, _ in works.values()))
+    return [
+        row(name, ours_us, peer["peer"], "us", f"8 antennas, 6 satellites; {what}", less=True)
+        for (name, (_, what)), ours_us in zip(works.items(), times_us, strict=True)
+    ]

@@ -18,8 +18,8 @@ from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
 from tests.benchmarks._rows import Row, row, timed
 
 Task: TypeAlias = tuple[float, Callable[[], object]]  # how many steps a piece of work makes
-NAMES = ("six_dof_rocketpy", "six_dof_jsbsim", "six_dof_batch")
-REPEATS, FLIGHT_S, STEP_S, FLIGHTS, JSBSIM_STEPS = 5, 20.0, 1e-3, 100, 50_000
+NAMES = ("six_dof_rocketpy", "six_dof_jsbsim")
+REPEATS, FLIGHT_S, STEP_S, JSBSIM_STEPS = 5, 20.0, 1e-3, 50_000
 MACH = (0.0, 0.5, 0.8, 0.95, 1.05, 1.2, 1.5, 2.0, 3.0)
 BALL = Vehicle(
     body=BodyTable(mass_kg=22.7, inertia_kgm2=(13.6, 13.6, 13.6)),
@@ -34,25 +34,16 @@ ROCKET = Vehicle(
 
 
 def run() -> list[Row]:
-    """Time one flight of each kind beside its peer, a hundred in one call beside one by one."""
-    steps, single = _flights(ROCKET, 1)
-
-    def one_by_one() -> None:
-        for _ in range(FLIGHTS):
-            single()
-
-    rates = _raced(_flights(ROCKET, FLIGHTS), (FLIGHTS * steps, one_by_one))
-    note = f"{FLIGHTS} rockets in one call, against one by one"
+    """Time one flight of each kind beside its peer."""
     return [
         _row("six_dof_rocketpy", ROCKET, "rocketpy", _rocketpy, "a rocket with nine Mach numbers"),
         _row("six_dof_jsbsim", BALL, "jsbsim", _jsbsim, "a dropped ball with drag"),
-        row("six_dof_batch", *rates, "steps/s", note),
     ]
 
 
 def _row(name: str, vehicle: Vehicle, peer: str, make_peer: Callable[[], Task], what: str) -> Row:
     """Return a row, without a peer where that is not installed."""
-    note, task = f"{what}, fixed RK4 steps of 1 ms on one core", _flights(vehicle, 1)
+    note, task = f"{what}, fixed RK4 steps of 1 ms on one core", _flight(vehicle)
     if find_spec(peer) is None:
         return row(name, *_raced(task), None, "steps/s", f"{note}; {peer} is not installed")
     return row(name, *_raced(task, make_peer()), "steps/s", f"{note}, against {peer}")
@@ -66,20 +57,19 @@ def _raced(*tasks: Task) -> FloatArray:
     return [steps for steps, _ in tasks] / timed([work for _, work in tasks], REPEATS).min(axis=0)
 
 
-def _flights(vehicle: Vehicle, flights: int) -> Task:
-    """Return the steps and the work of a batch of equal flights."""
+def _flight(vehicle: Vehicle) -> Task:
+    """Return the steps and the work of a flight."""
     start = Launch(
         origin=Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9144.0),
         v_n_mps=np.array([150.0, 20.0, -100.0]), euler_rad=np.radians([0.0, 33.0, 5.0]),
         w_ib_b_radps=np.array([10.0, 0.0, 0.0]),
     )  # fmt: skip
     plan = Plan(duration_s=FLIGHT_S, step_s=STEP_S, row_interval_s=0.1, gravity="j2")
-    batch = [vehicle] * flights, [start] * flights, [Air()] * flights
 
     def work() -> None:
-        fly_batch(*batch, plan)
+        fly_batch([vehicle], [start], [Air()], plan)
 
-    return flights * FLIGHT_S / STEP_S, work
+    return FLIGHT_S / STEP_S, work
 
 
 def _rocketpy() -> Task:

@@ -32,7 +32,6 @@ SPAN_S = 300.0
 STREAM_S = 60.0
 LAG_S = 2.0
 ROUNDS = 3
-SHORT = 10  # the whole flight is so many times the short one
 # x real time, of one core at 10 Hz.
 TARGETS = {
     "smoother_fixed_lag": 100.0,
@@ -45,7 +44,6 @@ NAMES = (
     "smoother_stream",
     "smoother_batch",
     "smoother_with_integers",
-    "smoother_growth",
     *(
         f"accuracy_{name.replace('-', '_')}_{angle}"
         for name in ACCURATE
@@ -78,7 +76,6 @@ def run(span_s: float = SPAN_S) -> list[Row]:
         *_solves(problem, setting),
         _stream(min(span_s, STREAM_S)),
         *_methods(flight, given, setting),
-        _growth(problem),
         *_accuracy(flight),
     ]
 
@@ -106,7 +103,7 @@ def _solves(problem: Problem, setting: str) -> list[Row]:
         _speed(
             "smoother_every_keyframe",
             span_s,
-            lambda: _windowed(problem, len(problem.t_s), FixedLag(LAG_S, block_s=0.0)),
+            lambda: _every_keyframe(problem),
             f"{lag}, an update for each keyframe; {setting}",
         ),
     ]
@@ -146,19 +143,10 @@ def _methods(flight: Flight, given: Given, setting: str) -> list[Row]:
     ]
 
 
-def _growth(problem: Problem) -> Row:
-    """Return how the window's time grows with the flight; its memory: ``smoother_memory``."""
-    n = len(problem.t_s)
-    counts = (n // SHORT, n)
-    works = [lambda k=k: _windowed(problem, k, FixedLag(LAG_S)) for k in counts]
-    growth = np.median(np.divide(*timed(works, ROUNDS, process_time).T[::-1]))
-    note = f"time of {SHORT} times the flight over that of the flight, window of {LAG_S:g} s"
-    return row("smoother_growth", growth, SHORT, "", f"{note}; peer: linear", less=True)
-
-
-def _windowed(problem: Problem, count: int, window: FixedLag) -> None:
-    """Pass the first keyframes through a window; estimates are not kept."""
-    for keyframe in range(count):
+def _every_keyframe(problem: Problem) -> None:
+    """Pass keyframes through a window one by one; estimates are not kept."""
+    window = FixedLag(LAG_S, block_s=0.0)
+    for keyframe in range(len(problem.t_s)):
         window.update(problem, keyframe)
     window.rest()
 

@@ -17,8 +17,6 @@ from dataclasses import asdict
 from itertools import count
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.special import betaincinv
 
 from fgnav.io.atomic_write import write_text
@@ -29,7 +27,7 @@ from tests.benchmarks._yardstick_flights import KINDS, clean_flight
 from tests.benchmarks._yardstick_recordings import RECORDINGS
 from tests.benchmarks._yardstick_results import OUTCOMES, STATES, UNITS, Result, judged
 from tests.robustness.drawn import flights as drawn_flights
-from tests.robustness.drawn.dirty import dirty
+from tests.robustness.faults import faulty
 
 SHARE = float(os.environ.get("YARDSTICK_SHARE", "1"))
 YARDSTICK_JSON = ROOT / "yardstick.json"
@@ -66,7 +64,6 @@ def run() -> list[Row]:
         label = one.name if one.part != "clean" else f"{one.name}_{one.method}"
         if one.part in ("clean", "recordings"):
             groups.setdefault(label.removesuffix("_batch"), []).append(one)
-    show(groups)
     rows = [_row_of_group(name, group) for name, group in groups.items()]
     for part in ("drawn", "faulty"):
         rows += _rows_of_outcomes(part, [one for one in results if one.part == part])
@@ -78,22 +75,6 @@ def write(results: list[Result], rows: list[Row]) -> None:
     """Write all results and rows."""
     whole = {"share": SHARE, "rows": rows, "results": [asdict(result) for result in results]}
     write_text(YARDSTICK_JSON, json.dumps(whole, indent=1) + "\n")
-
-
-def show(groups: dict[str, list[Result]]) -> None:
-    """Print root mean squares of RMSE, means of NEES, and medians of time as a table."""
-    headings = (f"{what} {state[:3]}" for what in ("rmse", "nees") for state in STATES)
-    table = Table("", "n", *headings, "s", "said", "refused", title="rmse: deg, m, m/s")
-    for name, group in groups.items():
-        figures = [
-            *_typical(group, "rmse").values(),
-            *_typical(group, "nees").values(),
-            _seconds(group),
-        ]
-        counts = (sum(one.said for one in group), sum(bool(one.failure) for one in group))
-        cells = ("" if math.isnan(x) else f"{x:.3g}" for x in figures)
-        table.add_row(name, str(len(group)), *cells, *map(str, counts))
-    Console(width=140).print(table)
 
 
 def _clean() -> Iterator[Result]:
@@ -127,8 +108,8 @@ def _drawn() -> Iterator[Result]:
         clean = Result(part="drawn", name=kind, seed=seed, **fields)
         yield clean
         for fault_seed in range(FAULT_SEED + FAULTS_EACH * k, FAULT_SEED + FAULTS_EACH * (k + 1)):
-            faulty, fault = with_fault(flight, fault_seed)
-            fields = judged(lambda f=faulty: METHODS["batch"](f), flight.truth, clean)
+            wrong, fault = with_fault(flight, fault_seed)
+            fields = judged(lambda f=wrong: METHODS["batch"](f), flight.truth, clean)
             yield Result(part="faulty", name=kind, seed=fault_seed, fault=fault, **fields)
 
 
@@ -141,13 +122,13 @@ def with_fault(flight: Flight, seed: int) -> tuple[Flight, str]:
     Fixes all displaced alike are drawn again: that is a flight elsewhere, and as consistent.
     """
     for again in count(seed, REDRAWN):
-        faulty, fault = dirty(flight, again)
+        wrong, fault = faulty(flight, again)
         if not flight.fixes:
             break
-        moved_m = faulty.fixes[0].p_n_m - flight.fixes[0].p_n_m
+        moved_m = wrong.fixes[0].p_n_m - flight.fixes[0].p_n_m
         if not moved_m.any() or np.ptp(moved_m, axis=0).max() > 1e-6:
             break
-    return faulty, fault
+    return wrong, fault
 
 
 def _some(number: int) -> int:

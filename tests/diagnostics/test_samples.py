@@ -6,7 +6,7 @@ import pytest
 from fgnav.diagnostics.contents import instrument_findings, sample_findings
 from fgnav.types.flight import Imu
 from tests.imu import imu_of
-from tests.robustness.faults import right_flights
+from tests.robustness.drawn.flights import KINDS, right_flight
 
 T_S = np.arange(0, 20, 0.01)
 
@@ -62,15 +62,15 @@ def stuck(flight):
 
 
 def test_right_and_coarse_instruments_raise_no_alarm():
-    flights = right_flights(20.0)
-    assert [stuck(flight) for flight in flights.values()] == [[], [], []]
-    single = flights["single"]
+    flights = {kind: right_flight(kind, 1) for kind in KINDS}
+    assert [stuck(flight) for flight in flights.values()] == [[]] * len(KINDS)
+    single = flights["instruments"]
     height_m = np.round(single.barometer.height_m / 2) * 2
     assert stuck(replace(single, barometer=replace(single.barometer, height_m=height_m))) == []
 
 
 def test_a_repeated_sample_of_an_instrument_is_named_with_its_span():
-    single = right_flights(20.0)["single"]
+    single = right_flight("instruments", 1)
     field = single.magnetometer.field_b_ut.copy()
     field[50:100] = field[50]
     wrong = replace(single, magnetometer=replace(single.magnetometer, field_b_ut=field))
@@ -79,7 +79,7 @@ def test_a_repeated_sample_of_an_instrument_is_named_with_its_span():
 
 
 def test_a_detector_that_never_changes_is_stuck():
-    flight = right_flights(20.0)["photodetector"]
+    flight = right_flight("photodetector", 1)
     currents = np.tile(flight.photodetector.currents[3], (len(flight.photodetector.t_s), 1))
     ((name, _),) = stuck(
         replace(flight, photodetector=replace(flight.photodetector, currents=currents))

@@ -1,7 +1,7 @@
 """A flight whose truth is known in closed form, and estimators whose errors are chosen."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight, Truth
+from tests.attitude.arrays import sky, synthetic
 
 MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
 
@@ -70,36 +71,10 @@ class Lost:
 def differences_of(
     R_nb: FloatArray, baselines_b_m: FloatArray, rng: np.random.Generator, satellites: int = 6
 ) -> DoubleDifferences:
-    """Return differences of one group with exact phases of random big integers."""
-    n, b, m = len(R_nb), len(baselines_b_m), satellites
-    elevation, azimuth = rng.uniform(0.3, 1.4, m), np.arange(m) * 2 * np.pi / m
-    e_n = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            -np.sin(elevation),
-        ],
-        axis=1,
-    )
-    empty = DoubleDifferences(
-        t_s=np.arange(n) * 0.1,
-        baselines_b_m=baselines_b_m,
-        satellites=tuple(f"G{j:02d}" for j in range(1, m + 1)),
-        signals=("1C",) * m,
-        wavelength_m=np.full(m, L1_M),
-        group=np.zeros(m, dtype=np.int64),
-        reference=np.full((n, 1), 2),
-        e_n=np.tile(e_n, (n, 1, 1)),
-        elevation_rad=np.tile(elevation, (n, 1)),
-        code_m=np.zeros((n, b, m)),
-        phase_m=np.zeros((n, b, m)),
-        code_variance_m2=np.ones((n, m)),
-        phase_variance_m2=np.tile(PHASE_M**2 * np.linspace(1, 2, m), (n, 1)),
-        arc=np.zeros((n, b, m), dtype=np.int64),
-    )
-    cycles = rng.integers(-(10**6), 10**6, (b, m)) * ~empty.is_reference[:1]
-    array_m = empty.array_m(R_nb)
-    return replace(empty, code_m=array_m, phase_m=array_m + L1_M * cycles)
+    """Return differences of one group with exact phases, whole numbers of cycles aside."""
+    antennas_b_m = np.vstack([np.zeros(3), baselines_b_m])
+    e_n = sky(satellites, rng)
+    return synthetic(R_nb, e_n, rng, antennas_b_m=antennas_b_m, sine=True, noise=0.0)[0]
 
 
 @pytest.fixture

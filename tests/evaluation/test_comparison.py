@@ -13,15 +13,6 @@ from fgnav.geometry import rotations
 DEG = np.pi / 180
 
 
-def test_a_perfect_estimate_has_no_error(flight, off):
-    score = compare(flight, [off("perfect", position_m=0.0)])["perfect"].score
-    assert score.attitude_rmse_deg < 1e-9
-    assert score.position_rmse_m < 1e-9
-    assert score.velocity_rmse_mps < 1e-9
-    assert score.available == 1.0
-    assert score.converged
-
-
 def test_rmse_of_the_angle_is_the_length_of_a_constant_tangent(flight, off):
     tangent = np.array([2.0, -1.0, 2.0]) * DEG
     score = compare(flight, [off("tilted", tangent, position_m=0.5)])["tilted"].score

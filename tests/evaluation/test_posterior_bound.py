@@ -18,13 +18,24 @@ from fgnav.integers.resolvers.truth import Truth, attitude_at
 from fgnav.methods.smoother import Batch, Forward
 from fgnav.process.hyperparameters import RatePrior
 from fgnav_sim.simulate import simulate
-from tests.benchmarks.consistency import cases, with_prior
+from tests.benchmarks.consistency import cases
 from tests.methods.simulated import flown
 from tests.solve.flights import flight_graph
 
 BATCH = Batch(resolver=Truth())
 ARM_B_M = (0.3, -0.1, 0.2)
 PRIOR = RatePrior(length_s=0.5, variance_rad2ps2=np.full(3, 0.5**2), evidence=float("nan"))
+
+
+def with_prior(prepared, prior):
+    """Return a flight without a gyroscope whose body rate has another prior."""
+    problem, n = prepared.problem, len(prepared.problem.t_s) - 1
+    motion = replace(
+        problem.motion,
+        poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),
+        variance_rad2ps2=np.tile(prior.variance_rad2ps2, (n, 1)),
+    )
+    return replace(prepared, problem=replace(problem, motion=motion))
 
 
 @pytest.fixture(scope="module")

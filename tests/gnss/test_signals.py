@@ -10,7 +10,6 @@ from fgnav.gnss.signals import (
     frequency_hz,
     known,
     select,
-    wavelengths_m,
 )
 from fgnav.types.observations import Observations
 
@@ -50,11 +49,6 @@ def observed(channels: list[tuple[str, str]], tracked: np.ndarray) -> Observatio
 )
 def test_carriers_are_those_of_the_rinex_tables(satellite, signal, hz):
     assert frequency_hz(satellite, signal) == hz
-
-
-def test_l1_wavelength_is_nineteen_centimetres():
-    # The design's figure for GPS L1.
-    np.testing.assert_allclose(wavelengths_m(("G01",), ("1C",)), [0.190293672798], atol=1e-12)
 
 
 def test_unknown_constellation_is_named():

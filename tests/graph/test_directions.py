@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fgnav.checks import BadInputError
-from fgnav.graph.factors.directions import Directions, across
+from fgnav.graph.factors.directions import Directions
 
 
 def drawn(rng, n):
@@ -14,13 +14,6 @@ def drawn(rng, n):
     e_b /= np.linalg.norm(e_b, axis=1, keepdims=True)
     root = (np.eye(3) - e_b[:, :, None] * e_b[:, None, :]) @ rng.standard_normal((n, 3, 3))
     return e_b, 0.01 * root @ root.swapaxes(1, 2)
-
-
-def test_axes_across_a_direction_are_unit_and_at_right_angles():
-    e_b, _ = drawn(np.random.default_rng(3), 100)
-    frame = np.concatenate([across(e_b), e_b[:, None]], axis=1)
-    unit = np.tile(np.eye(3), (100, 1, 1))
-    assert_allclose(frame @ frame.swapaxes(1, 2), unit, rtol=0, atol=1e-12)
 
 
 def test_what_whitens_a_direction_turns_its_covariance_into_one():

@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.geometry.cubic_spline import cubic_spline
-from fgnav.graph.inertial.increments import at_latest, increments
+from fgnav.graph.inertial.increments import increments
 from tests.imu import imu_of
 
 
@@ -90,14 +90,6 @@ def test_steps_fill_their_interval_by_equal_parts_of_a_sample():
     np.testing.assert_array_equal(np.diff(steps.first), [30, 15, 1])
     np.testing.assert_allclose(steps.step_s * np.diff(steps.first), [0.1, 0.05, 0.002], rtol=1e-12)
     assert steps.w_b_radps is None
-
-
-def test_a_value_at_a_sample_is_that_sample():
-    samples_s = np.arange(50) / 10
-    values = np.random.default_rng(4).standard_normal((50, 3))
-    np.testing.assert_allclose(
-        at_latest(samples_s, values, samples_s[5:]), values[5:], rtol=0, atol=1e-12
-    )
 
 
 def test_no_sub_steps_are_refused():

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fgnav.integrity.instrument_screen import without_stuck
-from tests.robustness.faults import right_flights
+from tests.robustness.drawn.flights import right_flight
 
 
 @pytest.fixture(scope="module")
 def flights():
-    return right_flights(20.0)
+    return {kind: right_flight(kind, 1, 20.0) for kind in ("instruments", "photodetector")}
 
 
 def test_right_instruments_are_as_they_were(flights):
@@ -24,8 +24,8 @@ def test_right_instruments_are_as_they_were(flights):
 @pytest.mark.parametrize(
     ("of", "name", "field"),
     [
-        ("single", "magnetometer", "field_b_ut"),
-        ("single", "barometer", "height_m"),
+        ("instruments", "magnetometer", "field_b_ut"),
+        ("instruments", "barometer", "height_m"),
         ("photodetector", "photodetector", "currents"),
     ],
 )
@@ -44,7 +44,7 @@ def test_what_repeats_the_sample_before_is_left_out(flights, of, name, field, ro
 
 
 def test_a_height_recorded_in_steps_beyond_its_noise_may_stand(flights):
-    flight = flights["single"]
+    flight = flights["instruments"]
     height_m = np.round(flight.barometer.height_m / 2) * 2
     height_m[:60] = height_m[0]  # on the ground
     rounded = replace(flight, barometer=replace(flight.barometer, height_m=height_m))

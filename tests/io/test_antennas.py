@@ -1,17 +1,10 @@
 """Several receivers on one set of epochs and channels."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError, Loss
-from fgnav.io.antennas import (
-    interval_s,
-    merge,
-    nominal_epochs,
-    tolerance_s,
-)
+from fgnav.io.antennas import merge, nominal_epochs
 from fgnav.types.observations import Observations
 
 START_GPS_S = 1_277_078_400.5
@@ -75,18 +68,6 @@ def test_two_epochs_near_one_of_the_reference_count_once():
     assert got.losses[0].count == 1
 
 
-def test_single_antenna_keeps_its_data_and_names_its_losses():
-    alone = replace(one([0], ["G05 1C"]), losses=(Loss(what="x", reason="y", count=1),))
-    got = merge([alone], ["a1"])
-    np.testing.assert_array_equal(got.code_m, alone.code_m)
-    assert got.losses[0].what == "a1 x"
-
-
-def test_no_antenna_is_refused():
-    with pytest.raises(BadInputError, match="antennas: at least one is needed"):
-        merge([], [])
-
-
 def test_nominal_epochs_take_the_clock_error_away():
     rng = np.random.default_rng(2)
     for step_s in (0.01, 0.05, 0.1, 1.0, 30.0):
@@ -94,14 +75,5 @@ def test_nominal_epochs_take_the_clock_error_away():
         tag_s = nominal_s + rng.uniform(-1e-3, 1e-3, 50)
         np.testing.assert_allclose(nominal_epochs(tag_s, START_GPS_S), nominal_s, rtol=0, atol=1e-9)
 
-
-def test_epochs_without_grid_stay_as_they_are():
     tag_s = np.cumsum(np.random.default_rng(2).uniform(0.5, 1.5, 20))
     np.testing.assert_array_equal(nominal_epochs(tag_s, START_GPS_S), tag_s)
-
-
-def test_interval_is_that_of_most_epochs():
-    assert interval_s(np.array([0.0, 1, 2, 30, 31])) == 1
-    assert interval_s(np.array([5.0])) == 1
-    assert tolerance_s(np.array([0.0, 30])) == 0.02
-    assert tolerance_s(np.array([0.0, 0.01])) == 0.0025

@@ -6,35 +6,29 @@ import sys
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.atomic_write import (
-    atomic_file,
-    atomic_folder,
-    check_folder,
-    check_place,
-    made_folder,
-    write_text,
-)
+from fgnav.io.atomic_write import atomic_file, atomic_folder, check_folder, check_place, write_text
 
 
-def test_a_file_appears_whole(tmp_path):
-    write_text(tmp_path / "a.txt", "all of it")
-    assert (tmp_path / "a.txt").read_text() == "all of it"
-    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+@pytest.mark.parametrize(("make", "name"), [(atomic_file, "a.txt"), (atomic_folder, "a")])
+def test_what_is_written_appears_whole_or_not_at_all(tmp_path, make, name):
+    path = tmp_path / name
 
-
-def test_an_error_on_the_way_leaves_the_old_file_and_nothing_else(tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_text("old")
-
-    def breaks():
-        with atomic_file(path) as part:
-            part.write_text("half")
-            raise RuntimeError
+    def write(text, *, breaks=False):
+        with make(path) as part:
+            (part if name == "a.txt" else part / "file").write_text(text)
+            if breaks:
+                raise RuntimeError
 
     with pytest.raises(RuntimeError):
-        breaks()
-    assert path.read_text() == "old"
-    assert len(list(tmp_path.iterdir())) == 1
+        write("half", breaks=True)
+    assert list(tmp_path.iterdir()) == []
+    write("all of it")
+    assert list(tmp_path.iterdir()) == [path]
+    file = path if name == "a.txt" else path / "file"
+    with pytest.raises(RuntimeError):
+        write("half", breaks=True)
+    assert file.read_text() == "all of it"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
@@ -45,13 +39,6 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path):
         check_place(tmp_path / "absent" / "a.txt")
     with pytest.raises(BadInputError, match="is a folder; name a file"):
         check_place(tmp_path / "folder")
-
-
-def test_folders_are_made_and_a_file_in_their_place_is_named(tmp_path):
-    assert made_folder(tmp_path / "a" / "b").is_dir()
-    (tmp_path / "file").write_text("")
-    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
-        made_folder(tmp_path / "file")
 
 
 def test_a_full_disk_is_named_with_file_and_folder(tmp_path):
@@ -92,21 +79,6 @@ with atomic_file(Path(sys.argv[1])):
     print("begun", flush=True)
     time.sleep(60)
 """
-
-
-def test_a_folder_appears_whole_or_not_at_all(tmp_path):
-    def breaks():
-        with atomic_folder(tmp_path / "a") as part:
-            (part / "file").write_text("half")
-            raise RuntimeError
-
-    with pytest.raises(RuntimeError):
-        breaks()
-    assert not list(tmp_path.iterdir())
-    with atomic_folder(tmp_path / "a") as part:
-        (part / "file").write_text("all of it")
-    assert (tmp_path / "a" / "file").read_text() == "all of it"
-    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_folder_that_cannot_be_is_refused_before_the_work_and_none_is_made(tmp_path, monkeypatch):

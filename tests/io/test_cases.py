@@ -40,20 +40,16 @@ def lost(whole) -> dict[str, int]:
     return {f"{one.what}: {one.reason}": one.count for one in whole.losses}
 
 
-@pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16"])
+@pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16", "fixes_bom", "fixes_eu"])
 def test_encodings_and_decimal_commas_are_spelling(case, tmp_path, name):
-    imu = new(case(11) / f"{name}.csv", tmp_path).flight.imu
-    np.testing.assert_allclose(imu.t_s, 0.01 * np.arange(3000), atol=1e-9)
-    np.testing.assert_allclose(imu.f_b_mps2[1], [0.003, 0.199983, -9.80515], rtol=1e-12)
-    np.testing.assert_allclose(imu.w_b_radps[1], [0.0002, 0.01, 0.2], rtol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["fixes_bom", "fixes_eu"])
-def test_fixes_of_a_spreadsheet_are_places(case, tmp_path, name):
     flight = new(case(11) / f"{name}.csv", tmp_path).flight
-    assert len(flight.fixes[0].t_s) == 150
-    assert flight.imu is None
-    assert np.degrees(flight.origin.latitude_rad) == pytest.approx(40.33, abs=1e-12)
+    if name.startswith("fixes"):
+        assert (len(flight.fixes[0].t_s), flight.imu) == (150, None)
+        assert np.degrees(flight.origin.latitude_rad) == pytest.approx(40.33, abs=1e-12)
+        return
+    np.testing.assert_allclose(flight.imu.t_s, 0.01 * np.arange(3000), atol=1e-9)
+    np.testing.assert_allclose(flight.imu.f_b_mps2[1], [0.003, 0.199983, -9.80515], rtol=1e-12)
+    np.testing.assert_allclose(flight.imu.w_b_radps[1], [0.0002, 0.01, 0.2], rtol=1e-12)
 
 
 def test_decimal_commas_without_the_key_are_refused_with_it(case, tmp_path):
@@ -88,16 +84,9 @@ def test_timestamps_are_mended_or_counted(case, tmp_path, name, samples, losses)
     assert ("share a timestamp" in whole.missing.get("imu.samples", "")) == (name == "batched")
 
 
-@pytest.mark.parametrize(
-    ("name", "start_s"),
-    [
-        ("iso_z", START_S + 18),
-        ("utc_name", START_S + 18),
-        ("drive_fixes_z", START_S),
-        ("drive_imu", START_S),
-    ],
-)
-def test_a_time_zone_and_the_name_utc_mean_utc(case, tmp_path, name, start_s):
+@pytest.mark.parametrize("name", ["iso_z", "utc_name", "drive_fixes_z", "drive_imu"])
+def test_a_time_zone_and_the_name_utc_mean_utc(case, tmp_path, name):
+    start_s = START_S + (0 if name.startswith("drive") else 18)
     assert new(case(14) / f"{name}.csv", tmp_path).flight.start_gps_s == start_s
 
 
@@ -113,44 +102,28 @@ def test_places_without_names_are_refused(case, tmp_path):
         new(case(14) / "madrid_places_no_header.csv", tmp_path)
 
 
-@pytest.mark.parametrize(("name", "start_s"), [("imu", 0), ("imu_unix_ms", START_S)])
+@pytest.mark.parametrize(
+    ("name", "start_s"), [("imu", 0), ("imu_unix_ms", START_S), ("imu_named", 0)]
+)
 def test_gentle_rates_without_a_unit_are_asked_for(case, tmp_path, name, start_s):
     whole = new(case(19) / f"{name}.csv", tmp_path)
-    assert (
-        "unit of wx_radps, wy_radps, wz_radps is in doubt; rad/s was assumed"
-        in whole.missing["imu.samples"]
-    )
     assert whole.flight.start_gps_s == start_s
+    text = "unit of wx_radps, wy_radps, wz_radps is in doubt; rad/s was assumed"
+    assert (text in whole.missing.get("imu.samples", "")) == (name != "imu_named")
+    if name == "imu_named":  # ends in dps
+        want = np.radians([0.02665, 0.02266, 0])
+        np.testing.assert_allclose(whole.flight.imu.w_b_radps[0], want, atol=1e-12)
 
 
-def test_rates_with_dps_in_their_names_are_degrees(case, tmp_path):
-    whole = new(case(19) / "imu_named.csv", tmp_path)
-    assert "imu.samples" not in whole.missing
-    np.testing.assert_allclose(
-        whole.flight.imu.w_b_radps[0], np.radians([0.02665, 0.02266, 0]), atol=1e-12
-    )
+NAMES = ("gpst", "utc", "tow", "crlf", "oldwindows", "repeated", "semicolon", "jst")
 
 
-@pytest.mark.parametrize(
-    ("name", "start_s", "fixes"),
-    [
-        ("gpst", START_S, 150),
-        ("utc", START_S, 150),
-        ("tow", START_S, 150),
-        ("crlf", START_S, 150),
-        ("oldwindows", START_S, 150),
-        ("repeated", START_S, 150),
-        ("semicolon", START_S, 150),
-        ("jst", START_S + 18 - 9 * 3600, 150),
-    ],
-)
-def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name, start_s, fixes):
+@pytest.mark.parametrize("name", NAMES)
+def test_solution_files_of_every_separator_and_time_system(case, tmp_path, name):
     whole = new(case("09") / f"{name}.pos", tmp_path)
-    assert whole.flight.start_gps_s == start_s
-    assert len(whole.flight.fixes[0].t_s) == fixes
-    np.testing.assert_allclose(
-        whole.flight.fixes[0].position_sigma_m, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12
-    )
+    assert whole.flight.start_gps_s == START_S + (18 - 9 * 3600 if name == "jst" else 0)
+    sigma = whole.flight.fixes[0].position_sigma_m
+    np.testing.assert_allclose(sigma, np.tile([0.01, 0.01, 0.02], (150, 1)), rtol=1e-12)
     repeated = {"fixes row: its time does not increase (repeated.pos)": 1}
     text = f"{name}.pos columns Q, ns, sdne(m), sdeu(m), sdun(m), age(s), ratio"
     unused = {f"{text}: the flight has none": 150 + (name == "repeated")}
@@ -176,30 +149,24 @@ def test_solution_files_without_places_name_the_option(case, tmp_path, name, opt
         new(case("09") / f"{name}.pos", tmp_path)
 
 
-def test_a_covariance_of_minus_one_is_no_gyroscope(case, tmp_path):
-    imu = new(case(15) / "bag", tmp_path).flight.imu
-    assert len(imu.t_s) == 1000
-    assert imu.w_b_radps is None
-
-
-def test_of_split_topics_the_one_with_forces_is_read(case, tmp_path):
-    whole = new(case(15) / "split", tmp_path)
+@pytest.mark.parametrize(
+    ("number", "name", "loss"),
+    [
+        (15, "bag", {}),
+        (15, "split", {"/camera/gyro/sample message: has no specific force (covariance -1)": 1000}),
+        (17, "bag_with_imu", {"/vrpn/pose message: geometry_msgs/msg/PoseStamped is not read": 50}),
+    ],
+)
+def test_what_a_bag_has_not_is_no_measurement(case, tmp_path, number, name, loss):
+    whole = new(case(number) / name, tmp_path)
     assert len(whole.flight.imu.t_s) == 1000
-    assert whole.flight.imu.w_b_radps is None
-    text = "/camera/gyro/sample message: has no specific force (covariance -1)"
-    assert lost(whole) == {text: 1000}
+    assert (whole.flight.imu.w_b_radps is None) == (number == 15)
+    assert lost(whole) == loss
 
 
 def test_poses_alone_are_refused_with_the_types_that_are_read(case, tmp_path):
     with pytest.raises(BadInputError, match=r"sensor_msgs/msg/Imu, .*, has geometry_msgs/msg/Pose"):
         new(case(17) / "bag", tmp_path)
-
-
-def test_poses_beside_a_unit_are_counted(case, tmp_path):
-    whole = new(case(17) / "bag_with_imu", tmp_path)
-    assert len(whole.flight.imu.t_s) == 1000
-    text = "/vrpn/pose message: geometry_msgs/msg/PoseStamped is not read"
-    assert lost(whole) == {text: 50}
 
 
 def test_fixes_of_two_receivers_are_those_of_two_antennas(case, tmp_path):

@@ -2,20 +2,14 @@
 
 import gzip
 import os
-import tracemalloc
 from pathlib import Path
 
 import pytest
 
-from fgnav.checks import BadInputError, quoted
-from fgnav.io.strict_toml import read_toml
-from fgnav.io.user_files import max_bytes, read_bytes, unpacked
-
-
-def test_a_file_within_its_bounds_is_read(tmp_path):
-    (tmp_path / "a").write_bytes(b"abc")
-    assert read_bytes(tmp_path / "a") == b"abc"
-    assert read_bytes(tmp_path / "a", 3) == b"abc"
+from fgnav.checks import BadInputError
+from fgnav.io.flight.toml import FlightTable
+from fgnav.io.strict_toml import as_table, read_toml
+from fgnav.io.user_files import read_bytes, unpacked
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
@@ -30,37 +24,6 @@ def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
     monkeypatch.delenv("FGNAV_MAX_BYTES")
     with pytest.raises(BadInputError, match="at most 4000000000 are read"):
         read_bytes(path)
-
-
-def test_holes_of_a_sparse_file_are_refused_and_not_read(tmp_path):
-    for name, head in (("a.csv", b""), ("b.rnx", b"text\n" * 300_000)):
-        path = tmp_path / name
-        path.write_bytes(head)
-        os.truncate(path, 1 << 31)
-        tracemalloc.start()
-        with pytest.raises(BadInputError, match=f"{name}: must be text, got a NUL as byte") as seen:
-            read_bytes(path, is_text=True)
-        _, most = tracemalloc.get_traced_memory()
-        tracemalloc.stop()
-        assert f"byte {len(head) + 1} of" in str(seen.value)
-        assert most < 1 << 23
-    plain = os.urandom(2 << 20)
-    (tmp_path / "c.gz").write_bytes(gzip.compress(plain))
-    assert read_bytes(tmp_path / "c.gz", is_text=True) == plain
-    os.truncate(tmp_path / "c.gz", 1 << 31)
-    with pytest.raises(BadInputError, match=r"c\.gz: must be text, got a NUL as byte"):
-        read_bytes(tmp_path / "c.gz", is_text=True)
-
-
-@pytest.mark.parametrize("text", ["", "0", "-1", "1e9", "x" * 200, "9" * 19])
-def test_the_limit_must_be_a_number_of_bytes(text, monkeypatch):
-    monkeypatch.setenv("FGNAV_MAX_BYTES", text)
-    if not text:
-        assert max_bytes() == 4_000_000_000
-        return
-    with pytest.raises(BadInputError, match="FGNAV_MAX_BYTES: must be a number of bytes") as caught:
-        max_bytes()
-    assert len(str(caught.value)) < 150
 
 
 def test_what_is_no_regular_file_is_named_and_not_waited_for(tmp_path):
@@ -86,30 +49,17 @@ def test_a_bomb_is_refused_before_it_is_unpacked():
 @pytest.mark.parametrize(
     ("text", "rule"),
     [
-        ("a = " + "[" * 5000 + "]" * 5000, "must be TOML of 32 levels or fewer"),
-        ("a = " + "[" * 50 + "]" * 50, "key a.*: must be nested 32 deep or less"),
-        (".".join("a" * 20_000) + " = 1", "must be TOML of 32 levels or fewer, a key has more"),
-        ("[" + ".".join(['"a"'] * 50) + "]", "must be TOML of 32 levels or fewer, a key has more"),
+        ("a = " + "[" * 5000 + "]" * 5000, "must be TOML, maximum recursion depth"),
         ("a = " + "9" * 5000, "must be TOML, Exceeds the limit"),
-        ("a = 99999999999999999999", "key a: must be a number of 64 bits"),
-        ("k" * 300 + " = 1", "key 'kkk.*: must be printable, of 200 characters or fewer"),
-        ('a = ["b", "c\\u0000d"]', r"key a\[1\]: must not hold NUL"),
-        ("a = 1" + "0" * 100_000 + ".5", None),
+        ("format = 99999999999999999999", "key format: must be a number of 64 bits"),
+        ("k" * 300 + " = 1", "key kkk.*: unknown; the nearest known key is"),
+        ('"\\u001b[31m" = 1', r"key .x1b.31m: unknown"),
+        ('name = "c\\u0000d"', "key name: must not hold NUL"),
     ],
 )
 def test_hostile_toml_is_refused_in_a_line(tmp_path, text, rule):
     path = tmp_path / "a.toml"
     path.write_text(text)
-    if rule is None:
-        read_toml(path)  # in no time: a number is no list of keys
-        return
     with pytest.raises(BadInputError, match=rule) as caught:
-        read_toml(path)
+        as_table(path, read_toml(path), FlightTable)
     assert len(str(caught.value)) < 300
-
-
-def test_quotes_are_short_and_printable():
-    assert quoted("a") == "'a'"
-    assert quoted("\x1b[31m") == "'\\x1b[31m'"
-    assert len(quoted("x" * 1000)) == 80
-    assert quoted("x" * 1000).endswith("...")

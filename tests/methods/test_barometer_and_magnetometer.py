@@ -35,4 +35,4 @@ def test_the_window_estimates_them_with_the_flight_too():
     assert [one.name for one in window.constants] == ["barometer", "hard iron"]
     for a, b in zip(window.constants, batch.constants, strict=True):
         sigma = np.sqrt(np.diag(b.covariance))
-        assert np.abs((a.value - b.value) / sigma).max() < 1  # docs/model.md, not solved
+        assert np.abs((a.value - b.value) / sigma).max() < 1  # docs/evidence/limitations.md

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.methods.smoothing.calibration_report import calibrated_constants, sentence
+from fgnav.methods.smoothing.calibration_report import calibrated_constants, constant_note
 
 AXES = ("north", "east", "down")
 
@@ -52,8 +52,8 @@ def test_angles_are_listed_in_degrees():
     boresight = flight_constant("boresight", ("about y_b", "about z_b"), "rad", 0.1)
     value, P = np.radians([1.0, -2.0]), np.diag(np.radians([0.1, 0.2]) ** 2)
     (found,) = calibrated_constants(Constants((boresight,)), solution(value, P))
-    assert sentence(found) == (
-        "Boresight, off what the flight states: about y_b +1.0000 ± 0.1000, "
+    assert constant_note(found) == (
+        "Boresight, difference from the nominal: about y_b +1.0000 ± 0.1000, "
         "about z_b -2.0000 ± 0.2000 deg (1 sigma)."
     )
 
@@ -62,6 +62,7 @@ def test_of_many_axes_the_first_and_the_last_are_listed():
     axes = tuple(f"at {t}.0 s" for t in range(5))
     drift = flight_constant("barometer", axes, "m", 20.0)
     (found,) = calibrated_constants(Constants((drift,)), solution(np.arange(5.0), np.eye(5)))
-    assert sentence(found) == (
-        "Barometer, off: at 0.0 s +0.00 ± 1.00, at 4.0 s +4.00 ± 1.00 m (1 sigma)."
+    assert constant_note(found) == (
+        "Barometer, difference from the nominal: at 0.0 s +0.00 ± 1.00, "
+        "at 4.0 s +4.00 ± 1.00 m (1 sigma)."
     )

@@ -127,7 +127,9 @@ def test_the_estimate_lists_constants_with_their_sigmas():
     assert listed["unit"] == "m"
     assert set(listed["value"]) == set(listed["sigma"]) == {"x_b", "y_b", "z_b"}
     assert all(0 < sigma < 0.001 for sigma in listed["sigma"].values())
-    assert any(note.startswith("Antenna a4, off what the flight states") for note in estimate.notes)
+    assert any(
+        note.startswith("Antenna a4, difference from the nominal") for note in estimate.notes
+    )
 
 
 def test_constants_are_estimated_in_the_order_of_their_requests():

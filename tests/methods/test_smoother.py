@@ -174,7 +174,7 @@ def test_errors_of_messages_do_not_keep_positions_from_phase():
 
 
 @pytest.mark.xfail(
-    reason="neither array nor gyroscope: the turn about gravity is open (docs/model.md)"
+    reason="neither array nor gyroscope: the turn about gravity is open: evidence/limitations.md"
 )
 def test_without_phase_the_window_is_as_sure_of_its_heading_as_it_may_be():
     """Linearised where it had its states by then, their errors squared were 15, 621, 16 of 3."""

@@ -21,10 +21,10 @@ from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, prepared_of, shared
 from tests.methods.true_gravity import TrueGravity
 
-# What docs/model.md names as not solved: the turn about the specific force of a body that nothing
+# What docs/evidence/limitations.md names: the turn about the specific force of a body that nothing
 # but its motion tells. A rate that wanders about a constant is too little to hold it.
 HEADING = pytest.mark.xfail(
-    reason="neither array nor gyroscope: the turn about gravity is open (docs/model.md)"
+    reason="neither array nor gyroscope: the turn about gravity is open: evidence/limitations.md"
 )
 
 

@@ -7,7 +7,6 @@ from fgnav_models.features import (
     ambiguity_inputs,
     by_elevation,
     double_differences,
-    wrapped,
 )
 
 
@@ -33,13 +32,6 @@ def test_double_differences_are_baseline_by_baseline_and_free_of_clocks():
     np.testing.assert_allclose(differences[:, 5], by_hand, rtol=0, atol=1e-14)
     clocks = rng.normal(size=(5, 3, 1)) + rng.normal(size=(5, 1, 4))
     np.testing.assert_allclose(double_differences(links + clocks), differences, rtol=0, atol=1e-13)
-
-
-def test_wrapped_phase_is_within_half_a_cycle_and_loses_nothing():
-    phase = np.random.default_rng(2).uniform(-99, 99, (50, 7))
-    rest, cycles = wrapped(phase)
-    assert np.abs(rest).max() <= 0.5
-    np.testing.assert_array_equal(rest + cycles, phase)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 import pickle
 import subprocess
 import sys
-from hashlib import sha256
 
 import msgspec
 import numpy as np
@@ -13,11 +12,12 @@ from onnx import TensorProto, helper, numpy_helper
 
 from fgnav.checks import BadInputError
 from fgnav.neural.integers import integer_answers
-from fgnav.neural.manifest import Covariance, Manifest, save_manifest
+from fgnav.neural.manifest import Covariance
 from fgnav.neural.measures import Sensor
 from fgnav_models.runtime import load as load_module
 from fgnav_models.runtime.load import load, released
 from fgnav_models.training.contract import epoch_input, integers_output
+from tests.neural import graphs
 
 WEIGHTS = np.array([[2.0, 0.0], [0.0, -1.0], [0.5, 0.5]], dtype=np.float32)
 
@@ -25,36 +25,14 @@ WEIGHTS = np.array([[2.0, 0.0], [0.0, -1.0], [0.5, 0.5]], dtype=np.float32)
 def onnx_bytes(weights=WEIGHTS, *, operator="MatMul", domain=""):
     """Return a graph y = x @ weights, as a tool of its own would write it."""
     node = helper.make_node(operator, ["x", "w"], ["y"], domain=domain)
-    graph = helper.make_graph(
-        [node],
-        "g",
-        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", 3])],
-        [helper.make_tensor_value_info("y", TensorProto.FLOAT, ["n", 2])],
-        [numpy_helper.from_array(weights, "w")],
-    )
-    opsets = [helper.make_opsetid("", 17)]
-    if domain:
-        opsets.append(helper.make_opsetid(domain, 1))
-    return helper.make_model(graph, opset_imports=opsets, ir_version=8).SerializeToString()
+    return graphs.model([node], {"x": (3,)}, {"y": (2,)}, {"w": weights}, domain)
 
 
 def written(folder, content, **changes):
     """Write a network and a manifest that fits it but for the changes; return the manifest."""
     one = epoch_input("x", "lengths", Sensor("m", "none", 3), 1)
-    manifest = Manifest(
-        format="fgnav-factor/1",
-        name="toy",
-        purpose="A product.",
-        onnx="toy.onnx",
-        sha256=sha256(content).hexdigest(),
-        licence="BSD-3-Clause",
-        inputs=(one,),
-        output=integers_output("y", Covariance(form="none")),
-    )
-    (folder / "toy.onnx").write_bytes(content)
-    path = folder / "toy.json"
-    save_manifest(msgspec.structs.replace(manifest, **changes), path)
-    return path
+    output = integers_output("y", Covariance(form="none"))
+    return graphs.written(folder, "toy", content, one, output, **changes)
 
 
 def said(network, x):
@@ -66,7 +44,7 @@ def test_a_network_computes_what_its_graph_says(tmp_path):
     network = load(written(tmp_path, onnx_bytes()))
     x = np.arange(12.0).reshape(4, 3)
     np.testing.assert_allclose(said(network, x), x @ WEIGHTS, rtol=1e-6, atol=0)
-    assert network.manifest.purpose == "A product."
+    assert network.manifest.name == "toy"
 
 
 class Trap:

@@ -5,28 +5,21 @@ import os
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, helper
 
 from fgnav.checks import BadInputError
 from fgnav.neural.integers import integer_answers
 from fgnav.neural.onnx import session
 from fgnav_models.runtime.load import load
 from tests.models.test_load import onnx_bytes, said, written
+from tests.neural import graphs
 
 X = np.ones((4, 3))
 
 
 def of_nodes(*nodes, **constants):
     """Return a graph from x (n, 3) to y (n, 2)."""
-    graph = helper.make_graph(
-        nodes,
-        "g",
-        [helper.make_tensor_value_info("x", TensorProto.FLOAT, ["n", 3])],
-        [helper.make_tensor_value_info("y", TensorProto.FLOAT, ["n", 2])],
-        [numpy_helper.from_array(np.array(value), name) for name, value in constants.items()],
-    )
-    opset = [helper.make_opsetid("", 17)]
-    return helper.make_model(graph, opset_imports=opset, ir_version=8).SerializeToString()
+    return graphs.model(nodes, {"x": (3,)}, {"y": (2,)}, constants)
 
 
 def summed(name):

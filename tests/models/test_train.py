@@ -51,18 +51,6 @@ def test_the_best_weights_are_kept_and_on_request_the_last(tmp_path, whole):
     assert error(last)["error"] == pytest.approx(history[-1]["error"], rel=1e-6, abs=0)
 
 
-def test_a_run_in_slices_of_one_step_ends_in_the_same_weights(tmp_path, whole):
-    checkpoint = tmp_path / "sliced.safetensors"
-    for step in range(1, SETTINGS.steps + 1):
-        net = network()
-        trained = learn(net, checkpoint, deadline_s=perf_counter())
-        assert trained.finished == (step == SETTINGS.steps)
-        assert trained.step == step
-    assert same(net, whole[0])
-    assert trained.history == whole[1].history
-    assert checkpoint.read_bytes() == whole[2].read_bytes()
-
-
 def test_a_run_killed_in_the_middle_goes_on_to_the_same_weights(tmp_path, whole):
     checkpoint = tmp_path / "killed.safetensors"
     command = [sys.executable, "-m", "tests.models.training_run", str(checkpoint), "0.05"]

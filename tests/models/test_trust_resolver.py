@@ -3,7 +3,6 @@
 import sys
 from dataclasses import replace
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -12,7 +11,7 @@ from fgnav.integers.resolvers.causal import causal_form
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav_models.runtime import resolver
 from fgnav_models.runtime.load import load
-from fgnav_models.runtime.resolver import Network, handed_over, posteriors, risk_holds
+from fgnav_models.runtime.resolver import Network, handed_over, posteriors
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
 NETWORK = Network(fallback=Constrained(estimate_noise=False))
@@ -150,12 +149,8 @@ def test_posteriors_are_shares_of_exponentials():
 
 
 def test_the_released_risk_is_not_above_that_of_constrained():
-    manifest = load("trust").manifest
-    assert risk_holds(manifest)
-    worse = {**manifest.origin.metrics, "wrong_percent": 100.0}
-    origin = msgspec.structs.replace(manifest.origin, metrics=worse)
-    assert not risk_holds(msgspec.structs.replace(manifest, origin=origin))
-    assert not risk_holds(msgspec.structs.replace(manifest, origin=None))
+    metrics = load("trust").manifest.origin.metrics
+    assert metrics["wrong_percent"] <= metrics["constrained_wrong_percent"]
 
 
 def test_without_onnxruntime_one_line_names_the_extra(monkeypatch):

@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 
-import fgnav
 from fgnav import cli
 from fgnav.checks import BadInputError
 from fgnav.graph.keys import Timeline
@@ -191,10 +190,6 @@ def test_a_record_that_is_not_what_the_network_sees_is_refused(tmp_path, text):
 def sun_path(folder):
     """Return a manifest of photodiodes over a graph that answers nothing of use."""
     return graphs.heading(folder, sensor=sun_compass.SENSOR, unit_in="A", channels=9, rate_hz=20.0)
-
-
-def test_the_face_has_the_factor():
-    assert fgnav.NeuralFactor is NeuralFactor
 
 
 def test_a_manifest_stands_for_a_source_on_the_command_line(tmp_path, capsys):

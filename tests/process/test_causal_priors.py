@@ -10,7 +10,7 @@ from fgnav.process.evidence import (
     causal_rate_priors,
     rate_prior,
 )
-from tests.process.chain import ARRAY_SIGMA, DEG, sigmas, sine, with_noise
+from tests.process.attitudes import ARRAY_SIGMA, DEG, sigmas, sine, with_noise
 
 T_S = 0.1 * np.arange(600)
 
@@ -28,17 +28,6 @@ def swings_from(start_s, t_s, rng):
     since = np.maximum(t_s - start_s, 0)
     truth = from_euler(0 * since, 20 * DEG * np.sin(since), 20 * DEG * np.sin(1.3 * since))
     return with_noise(truth, ARRAY_SIGMA, rng)
-
-
-def test_cutting_a_flight_changes_no_causal_prior_before_the_cut():
-    rng = np.random.default_rng(20_010)
-    R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
-    R[300:] = R[300:] @ exp(rng.normal(size=(300, 3)))  # what comes later is of no account
-    poles, variance = causal_rate_priors(T_S[:400], R[:400], V[:400])
-    for cut in (5, 10, 11, 41, 200):
-        early, early_variance = causal_rate_priors(T_S[:cut], R[:cut], V[:cut])
-        np.testing.assert_array_equal(early, poles[: cut - 1])
-        np.testing.assert_array_equal(early_variance, variance[: cut - 1])
 
 
 def test_causal_prior_is_the_default_first_and_then_that_of_the_past():

@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from fgnav.checks import BadInputError
-from fgnav.geometry.rotations import exp, from_euler, log, transpose
+from fgnav.geometry.rotations import exp, from_euler, log
 from fgnav.process import filter_kernel
 from fgnav.process.attitude_series import NO_TAPE, attitude_series
 from fgnav.process.evidence import (
@@ -16,16 +16,12 @@ from fgnav.process.evidence_kernel import UPDATE, Epochs, tape
 from fgnav.process.evidence_kernel import log_densities as log_densities_of
 from fgnav.process.matern import integral, poles, transition
 from fgnav.process.posterior import log_posterior
-from fgnav.process.prediction import filtered
-from tests.process.chain import (
+from tests.process.attitudes import (
     ARRAY_SIGMA,
     DEG,
     drawn_attitudes,
-    matern_process,
-    random_walk,
     sigmas,
     sine,
-    smoothed,
     with_noise,
 )
 
@@ -242,20 +238,6 @@ def test_axis_that_no_attitude_tells_does_not_spoil_the_others():
         assert (alike < 2).all()
 
 
-def test_filter_is_compiled_for_one_layout_of_arrays(monkeypatch):
-    """Each other one costs a first run two seconds and more."""
-    t_s = np.arange(10.0)
-    t_s.flags.writeable = False
-    R_nb, P = np.tile(np.eye(3), (10, 1, 1)), np.tile(1e-4 * np.eye(3), (10, 1, 1))
-    kernel = type(log_densities_of)(log_densities_of.py_func)
-    monkeypatch.setattr("fgnav.process.evidence_kernel.log_densities", kernel)
-    series = attitude_series(t_s, R_nb, P, np.arange(10), 10)
-    series.log_densities(poles(1.0), np.ones(3))
-    prior = np.tile(poles(1.0), (9, 3, 1)), np.asfortranarray(np.ones((9, 3)))
-    filtered(t_s, R_nb, P, np.ones(10, dtype=np.bool_), prior)
-    assert len(kernel.signatures) == 1
-
-
 def test_gap_and_uneven_epochs_change_little():
     rng = np.random.default_rng(20_007)
     t_s = np.sort(T_S + rng.uniform(-0.03, 0.03, 600))
@@ -294,35 +276,6 @@ def test_default_prior_follows_a_spin_from_its_first_second(turns_per_second):
         t_s, *with_noise(R, 0.3 * DEG, rng), DEFAULT_LENGTH_S, DEFAULT_SIGMA_RADPS, 15.0
     )
     assert (densities[5:] > 0).all()  # a contradicted one has -9
-
-
-def test_smoothing_with_the_prior_beats_the_best_random_walk_of_rates():
-    t_s, mean_squares = T_S[:150], []
-    for seed in range(2):
-        rng = np.random.default_rng(20_013 + seed)
-        truth = sine(t_s + rng.uniform(0, 6))
-        R, V = with_noise(truth, ARRAY_SIGMA, rng)
-        prior = rate_prior(t_s, R, V)
-        walks = [random_walk(t_s, density) for density in (2e-3, 5e-3)]
-        smooth = [smoothed(t_s, R, V, by) for by in (matern_process(t_s, prior), *walks)]
-        errors = [log(transpose(truth) @ found) for found, _ in smooth]
-        mean_squares.append([(error**2).sum(axis=1).mean() for error in errors])
-    rms_deg = np.sqrt(np.mean(mean_squares, axis=0)) / DEG
-    assert rms_deg[0] < 0.23  # measured .21 over five flights, the best walk .24, single epochs .57
-    assert rms_deg[0] < rms_deg[1:].min()
-
-
-def test_smoothing_with_the_prior_is_as_accurate_as_it_states():
-    nees = []
-    t_s = T_S[:150]
-    for seed in range(4):
-        rng = np.random.default_rng(20_020 + seed)
-        truth = drawn_attitudes(t_s, poles(1.0), np.full(3, 0.4), np.zeros(3), rng)
-        R, V = with_noise(truth, 0.3 * DEG, rng)
-        found, P = smoothed(t_s, R, V, matern_process(t_s, rate_prior(t_s, R, V)), rounds=3)
-        error = log(transpose(truth) @ found)
-        nees.append(np.einsum("ni,nij,nj->n", error, np.linalg.inv(P), error).mean())
-    assert 2.5 < np.mean(nees) < 3.6  # 3 expected
 
 
 def test_too_few_attitudes_are_refused():

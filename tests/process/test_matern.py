@@ -91,21 +91,6 @@ def test_transition_is_the_exponential_of_the_generator(T_s, own):
     )
 
 
-@pytest.mark.parametrize(("T_s", "own"), ALL)
-def test_transitions_over_halves_make_the_whole(T_s, own):
-    half = transition(T_s / 2, own)
-    whole = transition(T_s, own)
-    np.testing.assert_allclose(half @ half, whole, rtol=1e-9, atol=1e-12 * np.abs(whole).max())
-
-
-@pytest.mark.parametrize(("T_s", "own"), ALL)
-def test_integral_over_halves_makes_the_whole(T_s, own):
-    half = integral(T_s / 2, own)
-    np.testing.assert_allclose(
-        half + half @ transition(T_s / 2, own), integral(T_s, own), rtol=1e-10
-    )
-
-
 def test_slope_of_the_integral_is_the_first_row_of_the_transition():
     h, own = 1e-5, poles(0.7)
     slope = (integral(0.4 + h, own) - integral(0.4 - h, own)) / (2 * h)
@@ -122,13 +107,6 @@ def test_stationary_covariance_solves_the_lyapunov_equation(length_s):
 
 
 @pytest.mark.parametrize(("T_s", "own"), ALL)
-def test_stationary_covariance_stays_what_it_is(T_s, own):
-    F, L, P = transition(T_s, own), noise_factor(T_s, own)[1:], stationary(own)
-    size = np.sqrt(np.outer(np.diag(P), np.diag(P)))
-    np.testing.assert_allclose((F @ P @ F.T + L @ L.T) / size, P / size, atol=1e-9)
-
-
-@pytest.mark.parametrize(("T_s", "own"), ALL)
 def test_noise_factor_equals_that_of_two_hundred_digits(T_s, own):
     L = noise_factor(T_s, own)
     assert (np.diag(L) > 0).all()
@@ -136,18 +114,6 @@ def test_noise_factor_equals_that_of_two_hundred_digits(T_s, own):
     size = np.linalg.norm(reference, axis=1)
     assert np.abs((L - reference) / size[:, None]).max() < 1e-9
     np.testing.assert_allclose(np.diag(L), np.diag(reference), rtol=1e-9)
-
-
-def test_noise_of_two_halves_makes_that_of_the_whole():
-    T_s, own = 0.2, poles(0.5)
-    F, H, L = transition(T_s, own), integral(T_s, own), noise_factor(T_s, own)
-    step = np.eye(4)
-    step[0, 1:], step[1:, 1:] = H, F
-    np.testing.assert_allclose(
-        step @ L @ L.T @ step.T + L @ L.T,
-        (whole := noise_factor(2 * T_s, own)) @ whole.T,
-        rtol=1e-9,
-    )
 
 
 def test_long_interval_turns_as_a_random_walk_does():

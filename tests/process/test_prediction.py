@@ -4,7 +4,7 @@ import pytest
 from fgnav.geometry.rotations import exp, log
 from fgnav.process.matern import integral, noise_factor, poles, stationary, transition
 from fgnav.process.prediction import filtered, filtered_back, smoothed
-from tests.process.chain import DEG
+from tests.process.attitudes import DEG
 
 T_S = 0.1 * np.arange(120)
 SIGMA = 0.1 * DEG

@@ -8,7 +8,7 @@ from fgnav.process.evidence_kernel import PREDICT, RESTART, tape
 from fgnav.process.matern import poles
 from fgnav.process.score_kernel import score
 from fgnav.process.volatility import varying_rate_prior
-from tests.process.chain import DEG, drawn_attitudes, sine, with_noise
+from tests.process.attitudes import DEG, drawn_attitudes, sine, with_noise
 
 T_S = 0.1 * np.arange(300)
 SIGMA = 0.3 * DEG

@@ -31,10 +31,6 @@ def test_the_program_says_what_the_questions_quote(source, message):
     assert re.search(pattern, source)
 
 
-def test_there_are_enough_questions():
-    assert len(MESSAGES) > 25
-
-
 def test_every_format_is_listed():
     table = OWN_LOG.partition("## Formats")[2].partition("## Settings")[0]
     first = [line.split("|")[1] for line in table.splitlines() if line.startswith("|")]

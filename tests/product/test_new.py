@@ -11,13 +11,7 @@ import pytest
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers.guess import guessed
-from tests.io.importers import (
-    test_ardupilot,
-    test_pos,
-    test_receivers,
-    test_solutions,
-    test_ulog,
-)
+from tests.io.importers import logs, streams, test_pos
 from tests.io.importers.helpers import imported
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -130,11 +124,11 @@ def test_observations_without_messages_say_what_to_fetch(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("format_", "make", "table"),
     [
-        ("ulog", lambda: test_ulog.log(*test_ulog.LOGS["of 2024"]), "imu"),
-        ("ardupilot", test_ardupilot.log, "imu"),
-        ("ubx", test_receivers.ubx, "antenna"),
-        ("sbf", test_receivers.sbf, "antenna"),
-        ("novatel", test_receivers.novatel, "antenna"),
+        ("ulog", logs.ulog, "imu"),
+        ("ardupilot", logs.ardupilot, "imu"),
+        ("ubx", streams.raw_ubx, "antenna"),
+        ("sbf", streams.raw_sbf, "antenna"),
+        ("novatel", streams.raw_novatel, "antenna"),
         ("pos", (test_pos.HEAD + test_pos.ROW).encode, "fixes"),
     ],
 )
@@ -150,14 +144,14 @@ def test_each_format_is_told_by_its_content_and_commented(tmp_path, capsys, form
 
 def test_a_dual_receiver_is_two_antennas_and_their_baseline(tmp_path, capsys):
     pytest.importorskip("pyubx2")
-    (tmp_path / "rover.ubx").write_bytes(test_solutions.ubx())
+    (tmp_path / "rover.ubx").write_bytes(streams.ubx())
     text = new(tmp_path, tmp_path / "rover.ubx")
     assert "# A receiver's vector or heading, from the first antenna" in text
     table = tomllib.loads(text)
     assert [one["name"] for one in table["antenna"]] == ["gps1", "gps2"]
     assert table["baseline"] == [{"samples": "baseline.csv", "antennas": ["gps2", "gps1"]}]
     assert "edit antenna.position_b_m" in capsys.readouterr().out
-    assert len(load_flight(tmp_path / "flight").baselines[0].t_s) == test_solutions.EPOCHS
+    assert len(load_flight(tmp_path / "flight").baselines[0].t_s) == streams.EPOCHS
 
 
 def test_two_antennas_of_one_name_are_told_apart(tmp_path):

@@ -64,20 +64,6 @@ def test_a_ramp_starts_and_ends_at_rest_and_stays_at_its_amplitude():
     assert np.allclose(acceleration[[0, 2, 3]], 0.0, rtol=0, atol=1e-12)
 
 
-def test_velocity_and_acceleration_are_derivatives_of_position(motion):
-    state = motion(T_S)
-    v_n_mps = derivative(lambda t: motion(t).p_n_m, T_S)
-    a_n_mps2 = derivative(lambda t: motion(t).v_n_mps, T_S)
-    assert np.allclose(v_n_mps, state.v_n_mps, rtol=0, atol=1e-7)
-    assert np.allclose(a_n_mps2, state.a_n_mps2, rtol=0, atol=1e-7)
-
-
-def test_angular_rate_is_the_derivative_of_attitude(motion):
-    state = motion(T_S)
-    R_dot = derivative(lambda t: motion(t).R_nb, T_S, h=1e-5)
-    assert np.allclose(R_dot, state.R_nb @ skew(state.w_nb_b_radps), rtol=0, atol=1e-7)
-
-
 def test_angular_acceleration_is_the_derivative_of_angular_rate(motion):
     state = motion(T_S)
     change = derivative(lambda t: motion(t).w_nb_b_radps, T_S)
@@ -91,24 +77,6 @@ def test_a_point_off_the_origin_moves_as_its_own_position_says(motion):
     by_velocity = derivative(lambda t: motion(t).at(LEVER_B_M)[1], T_S, h=1e-5)
     assert np.allclose(by_position, v_n_mps, rtol=0, atol=1e-5)
     assert np.allclose(by_velocity, a_n_mps2, rtol=0, atol=1e-5)
-
-
-def test_rate_against_inertial_space_adds_the_earths(motion):
-    R_nb = motion(T_S).R_nb
-    w_ib = motion(T_S).inertial_rate_b_radps(MADRID)
-    earth_b = w_ib - motion(T_S).w_nb_b_radps
-    assert np.allclose(
-        np.einsum("nij,nj->ni", R_nb, earth_b), MADRID.earth_rate_n_radps, rtol=0, atol=1e-14
-    )
-
-
-def test_a_body_at_rest_feels_minus_gravity():
-    still = Motion(path=Straight(speed_mps=0.0), roll=Hold(angle_deg=30.0), yaw=Hold(angle_deg=5.0))
-    state = still(np.array([0.0, 100.0]))
-    f_n_mps2 = np.einsum(
-        "nij,nj->ni", state.R_nb, state.specific_force_b_mps2(MADRID, np.zeros(3), "wgs84-normal")
-    )
-    assert np.allclose(f_n_mps2, -MADRID.gravity_n_mps2(state.p_n_m), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("model", ["wgs84-normal", "j2"])

@@ -22,7 +22,8 @@ from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import MANY, OnDemand
 
 # Errors of satellites stand still within a block. Of blocks of 1, .5 and .2 s velocities, known by
-# phases of the last half second, had squared errors of 3.8, 3.0 and 2.7 of 3 (docs/model.md).
+# phases of the last half second, had squared errors of 3.8, 3.0 and 2.7 of 3
+# (docs/theory/gnss_phase.md).
 _BLOCK_S = 0.5
 # Code determines ambiguities once in so long: receivers smooth it over about a second (Kaplan,
 # Hegarty, Understanding GPS, 2nd edition, section 5.6: loop bandwidths of code), and echoes last

@@ -23,24 +23,16 @@ from fgnav.io.flight.columns import (
     columns_to_vectors,
     stated_sigma,
 )
+from fgnav.io.flight.toml import BaselineTable
 from fgnav.types.instruments import USUAL_BASELINE_SIGMA_M
 from fgnav.types.receiver import Baseline, Fixes, Measured
 
-_NEEDS = {
-    POSITION_SIGMA: BASELINE,
-    BASELINE_COVARIANCE: POSITION_SIGMA,
-    HEADING_SIGMA: HEADING,
-    PITCH: HEADING,
-    PITCH_SIGMA: PITCH,
-    LENGTH: PITCH,
-    LENGTH_SIGMA: LENGTH,
-}
 _VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geometry
 
 
 def baseline_of(
     samples: Mapping[str, FloatArray],
-    antennas: tuple[str, str],
+    keys: BaselineTable,
     origin: Origin,
     fixes: Sequence[Fixes],
     where: Path,
@@ -50,8 +42,8 @@ def baseline_of(
     Parameters
     ----------
     samples : mapping of str to ndarray, shape (k,)
-    antennas : tuple of str
-        From the first to the second.
+    keys : BaselineTable
+        Antennas, from the first to the second, and the offset of headings.
     fixes : sequence of Fixes
         Where the receiver was: its axes are north, east, down there.
     where : Path
@@ -64,6 +56,10 @@ def baseline_of(
     """
     R_nl = _local_axes(origin, fixes, samples["t_s"])
     _check(samples, where)
+    if keys.heading_offset_deg is not None and HEADING[0] in samples:
+        samples = {**samples, HEADING[0]: samples[HEADING[0]] - keys.heading_offset_deg}
+    elif keys.heading_offset_deg is not None:
+        raise BadInputError(f"{where}: line 1: heading_offset_deg needs {HEADING[0]}")
     if BASELINE[0] in samples:
         vector_l, P = _of_vector(samples, where)
     else:
@@ -74,7 +70,7 @@ def baseline_of(
         measured = "direction" if PITCH[0] in samples else "heading"
     return Baseline(
         t_s=samples["t_s"],
-        antennas=antennas,
+        antennas=keys.antennas,
         vector_n_m=np.einsum("kij,kj->ki", R_nl, vector_l),
         covariance_m2=R_nl @ P @ transpose(R_nl),
         measured=measured,
@@ -88,9 +84,8 @@ def _check(samples: Mapping[str, FloatArray], where: Path | str) -> None:
         raise BadInputError(
             f"{where}: line 1: must have {', '.join(BASELINE)}, or {HEADING[0]}, and not both"
         )
-    for names, needed in _NEEDS.items():
-        if names[0] in samples and needed[0] not in samples:
-            raise BadInputError(f"{where}: line 1: {names[0]} needs {', '.join(needed)}")
+    if POSITION_SIGMA[0] in samples and BASELINE[0] not in samples:
+        raise BadInputError(f"{where}: line 1: {POSITION_SIGMA[0]} needs {', '.join(BASELINE)}")
 
 
 def _of_vector(

@@ -28,6 +28,16 @@ HEADING_SIGMA, PITCH_SIGMA = ("sigma_heading_deg",), ("sigma_pitch_deg",)
 LENGTH_SIGMA = ("sigma_length_m",)
 BASELINE_GROUPS: tuple[tuple[str, ...], ...] = (BASELINE, POSITION_SIGMA, BASELINE_COVARIANCE)
 BASELINE_GROUPS += (HEADING, HEADING_SIGMA, PITCH, PITCH_SIGMA, LENGTH, LENGTH_SIGMA)
+# Columns that say nothing without others.
+NEEDS: Mapping[tuple[str, ...], tuple[str, ...]] = {
+    VELOCITY_SIGMA: VELOCITY,
+    BASELINE_COVARIANCE: POSITION_SIGMA,
+    HEADING_SIGMA: HEADING,
+    PITCH: HEADING,
+    PITCH_SIGMA: PITCH,
+    LENGTH: PITCH,
+    LENGTH_SIGMA: LENGTH,
+}
 Samples: TypeAlias = Mapping[str, FloatArray]
 Block: TypeAlias = tuple[tuple[str, ...], FloatArray]  # names of columns, (k, c)
 LEAST_SIGMA = 1e-6  # m, m/s, deg: no receiver knows its place or velocity better
@@ -116,4 +126,9 @@ def fault_of_columns(
             return f"column {name!r} must appear once"
     wanted = [list(required)] + [list(g) for g in groups if any(name in names for name in g)]
     missing = [name for group in wanted for name in group if name not in names]
-    return f"column {missing[0]!r} is missing" if missing else ""
+    if missing:
+        return f"column {missing[0]!r} is missing"
+    for group, needed in NEEDS.items():
+        if group in groups and group[0] in names and needed[0] not in names:
+            return f"{group[0]} needs {', '.join(needed)}"
+    return ""

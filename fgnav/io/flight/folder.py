@@ -1,11 +1,12 @@
 """A flight as a folder: ``flight.toml`` and the files it names, read and written."""
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Loss, losses_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
@@ -15,22 +16,12 @@ from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.series import Surroundings, read_record
 from fgnav.io.flight.times import check_times
-from fgnav.io.flight.toml import (
-    FlightTable,
-    GnssTable,
-    VehicleTable,
-)
+from fgnav.io.flight.toml import FlightTable, GnssTable, VehicleTable
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
 from fgnav.io.toml_writer import write_toml
-from fgnav.types.flight import (
-    Antenna,
-    Base,
-    Flight,
-    GnssNoise,
-    InitialAttitude,
-)
+from fgnav.types.flight import Antenna, Base, Flight, GnssNoise, InitialAttitude
 from fgnav.types.instruments import filled
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
@@ -138,12 +129,12 @@ def _toml(path: Path) -> Path:
     return toml
 
 
-def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
+def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Loss, ...]:
     """Compare tables with the number of rows that their writer has noted; count what is missing."""
     read = flight_writer.row_counts(table, flight)
     orbits = (table.gnss.orbits, table.gnss.navigation)
     shared = {name for names in orbits if len(names) > 1 for name in names}
-    losses = []
+    counts = Counter[tuple[str, str]]()
     for name, rows in table.rows.items():
         if name in shared:
             continue
@@ -156,9 +147,8 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> list[Loss]:
         reason = "the file may be cut: rows in flight.toml has more"
         if name not in read:
             reason = "rows in flight.toml has it, no table names it"
-        if missing:
-            losses.append(Loss(what=f"{name[:80]} row", reason=reason, count=missing))
-    return losses
+        counts[f"{name[:80]} row", reason] += missing
+    return losses_of(counts)
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
@@ -239,11 +229,7 @@ def _rinex(
     if base is None:
         return broadcast, observations, None
     position_e_m = np.array(base.position_e_m)
-    return (
-        broadcast,
-        observations,
-        Base(position_e_m=position_e_m, observations=receivers[-1]),
-    )
+    return (broadcast, observations, Base(position_e_m=position_e_m, observations=receivers[-1]))
 
 
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ from fgnav.io.flight.local_frame import (
     velocity_of_n,
     velocity_to_n,
 )
-from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, PhotodetectorTable, TruthTable
+from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, TruthTable
 from fgnav.io.tables import read_table
 from fgnav.types.flight import Baseline, Fixes, Imu, Photodetector, Truth
 from fgnav.types.instruments import (
@@ -50,18 +51,41 @@ from fgnav.types.instruments import (
 )
 from fgnav.types.surroundings import Barometer, Magnetometer
 
+_Fields = Mapping[str, tuple[str, ...]]  # columns by a record's field
+_POSITION: _Fields = {"p_n_m": PLACE}
+_SIGMAS: _Fields = {"position_sigma_m": POSITION_SIGMA, "velocity_sigma_mps": VELOCITY_SIGMA}
+# Of each table: fields that it must have, and those that are there in full or not at all. Places go
+# before what refers to the axes there.
+FIELDS: Mapping[str, tuple[_Fields, _Fields]] = {
+    "imu": ({"f_b_mps2": FORCE}, {"w_b_radps": RATE}),
+    "fixes": (_POSITION, {"v_n_mps": VELOCITY, **_SIGMAS}),
+    "barometer": ({"height_m": HEIGHT}, {}),
+    "magnetometer": ({"field_b_ut": FIELD}, {}),
+    "photodetector": ({"currents": CURRENTS}, {}),
+    "truth": (
+        {**_POSITION, "v_n_mps": VELOCITY, "R_nb": EULER},
+        {**_SIGMAS, "euler_sigma_rad": EULER_SIGMA},
+    ),
+}
 # Of each table: the columns it must have, and groups that are there in full or not at all.
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
-    "imu": (("t_s", *FORCE), (RATE,)),
-    "fixes": (("t_s", *PLACE), (VELOCITY, POSITION_SIGMA, VELOCITY_SIGMA)),
-    "baseline": (("t_s",), BASELINE_GROUPS),
-    "barometer": (("t_s", *HEIGHT), ()),
-    "magnetometer": (("t_s", *FIELD), ()),
-    "photodetector": (("t_s", *CURRENTS), ()),
-    "truth": (
-        ("t_s", *PLACE, *VELOCITY, *EULER),
-        (POSITION_SIGMA, VELOCITY_SIGMA, EULER_SIGMA),
-    ),
+    kind: (("t_s", *chain(*required.values())), tuple(optional.values()))
+    for kind, (required, optional) in FIELDS.items()
+} | {"baseline": (("t_s",), BASELINE_GROUPS)}
+# Between files and records: of an origin, places of the frame ``n``, and values.
+_TO_RECORD: Mapping[tuple[str, ...], Callable[[Origin, FloatArray, FloatArray], FloatArray]] = {
+    PLACE: lambda origin, _, place: place_to_n(origin, place),
+    VELOCITY: velocity_to_n,
+    EULER: attitude_to_n,
+    EULER_SIGMA: lambda _, __, sigma_deg: np.radians(sigma_deg),
+    HEIGHT: lambda _, __, height_m: height_m[:, 0],
+}
+_TO_FILE: Mapping[tuple[str, ...], Callable[[Origin, FloatArray, FloatArray], FloatArray]] = {
+    PLACE: lambda origin, _, p_n_m: place_of_n(origin, p_n_m),
+    VELOCITY: velocity_of_n,
+    EULER: attitude_of_n,
+    EULER_SIGMA: lambda _, __, sigma_rad: np.degrees(sigma_rad),
+    HEIGHT: lambda _, __, height_m: height_m[:, None],
 }
 
 
@@ -84,51 +108,57 @@ def read_record(kind: str, keys: Any, at: Surroundings) -> Any:  # noqa: ANN401 
         Naming file, line, column, rule and value.
     """
     file = at.folder / keys.samples
-    return _READERS[kind](read_table(file, *COLUMNS[kind]), keys, at, file)
+    samples = read_table(file, *COLUMNS[kind])
+    if kind == "baseline":
+        return baseline_of(samples, keys, at.origin, at.fixes, file)
+    values = _values(kind, samples, at.origin, file)
+    return _READERS[kind](values, keys, at, file)
 
 
 def blocks_of(record: Any, origin: Origin, fixes: Sequence[Fixes]) -> list[Block]:  # noqa: ANN401
-    """Return the columns of a record, beside its times."""
-    blocks: list[tuple[tuple[str, ...], FloatArray | None]]
+    """Return the columns of a record, beside its times; none of usual figures."""
     if isinstance(record, Baseline):
         return baseline_blocks(record, origin, fixes)
-    if isinstance(record, Imu):
-        blocks = [(FORCE, record.f_b_mps2), (RATE, record.w_b_radps)]
-    elif isinstance(record, Photodetector):
-        blocks = [(CURRENTS, record.currents)]
-    elif isinstance(record, Barometer):
-        blocks = [(HEIGHT, record.height_m[:, None])]
-    elif isinstance(record, Magnetometer):
-        blocks = [(FIELD, record.field_b_ut)]
-    else:
-        p_n_m, v_n_mps = record.p_n_m, record.v_n_mps
-        unstated = getattr(record, "unstated", ())
-        blocks = [(PLACE, place_of_n(origin, p_n_m))]
-        if v_n_mps is not None:
-            blocks.append((VELOCITY, velocity_of_n(origin, p_n_m, v_n_mps)))
-        if isinstance(record, Truth):
-            blocks.append((EULER, attitude_of_n(origin, p_n_m, record.R_nb)))
-            sigma_rad = record.euler_sigma_rad
-            blocks.append((EULER_SIGMA, None if sigma_rad is None else np.degrees(sigma_rad)))
-        if "position" not in unstated:
-            blocks.append((POSITION_SIGMA, record.position_sigma_m))
-        if "velocity" not in unstated:
-            blocks.append((VELOCITY_SIGMA, record.velocity_sigma_mps))
-    return [(names, block) for names, block in blocks if block is not None]
+    blocks, unstated = list[Block](), getattr(record, "unstated", ())
+    required, optional = FIELDS[type(record).__name__.lower()]
+    for field, names in {**required, **optional}.items():
+        values = getattr(record, field)
+        is_usual = names[0].startswith("sigma") and field.partition("_")[0] in unstated
+        if values is not None and not is_usual:
+            to_file = _TO_FILE.get(names)
+            p_n_m: Any = getattr(record, "p_n_m", None)
+            blocks.append((names, values if to_file is None else to_file(origin, p_n_m, values)))
+    return blocks
 
 
-def _imu(samples: Samples, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:
+def _values(kind: str, samples: Samples, origin: Origin, file: Path) -> dict[str, Any]:
+    """Return the fields of a record, None of those whose columns are not there; and its times."""
+    required, optional = FIELDS[kind]
+    values: dict[str, Any] = {"t_s": samples["t_s"]}
+    for field, names in {**required, **optional}.items():
+        values[field] = None
+        if names[0] in samples:
+            is_sigma = names[0].startswith("sigma")
+            columns = stated_sigma(file, samples, names) if is_sigma else None
+            columns = columns_to_vectors(samples, names) if columns is None else columns
+            to_record = _TO_RECORD.get(names)
+            p_n_m: Any = values.get("p_n_m")
+            values[field] = columns if to_record is None else to_record(origin, p_n_m, columns)
+    return values
+
+
+def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  # noqa: ANN401
     """Return an inertial unit: its axes rotated to the body's, its clock set."""
     R_bu = mounting(keys.axes, keys.mounting_deg)
-    gyroscope = RATE[0] in samples
+    t_s, w_u_radps = values["t_s"], values["w_b_radps"]
     sigma_s = keys.clock_offset_sigma_s
     return Imu(
-        t_s=samples["t_s"] + keys.clock_offset_s,
-        clock_offset_sigma_s=within_a_sample_s(samples["t_s"]) if sigma_s is None else sigma_s,
-        f_b_mps2=columns_to_vectors(samples, FORCE) @ R_bu.T,
-        w_b_radps=columns_to_vectors(samples, RATE) @ R_bu.T if gyroscope else None,
+        t_s=t_s + keys.clock_offset_s,
+        clock_offset_sigma_s=within_a_sample_s(t_s) if sigma_s is None else sigma_s,
+        f_b_mps2=values["f_b_mps2"] @ R_bu.T,
+        w_b_radps=None if w_u_radps is None else w_u_radps @ R_bu.T,
         position_b_m=np.array(keys.position_b_m),
-        **imu_noise(keys, gyroscope=gyroscope),
+        **imu_noise(keys, gyroscope=w_u_radps is not None),
     )
 
 
@@ -170,61 +200,29 @@ def within_a_sample_s(t_s: FloatArray) -> float:
     return float(np.median(np.diff(t_s)) / np.sqrt(12)) if len(t_s) > 1 else 0.0
 
 
-def _fixes(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Fixes:  # noqa: ANN401
+def _fixes(values: Any, keys: Any, _at: Surroundings, _file: Path) -> Fixes:  # noqa: ANN401
     """Return fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
-    p_n_m = place_to_n(at.origin, columns_to_vectors(samples, PLACE))
-    if VELOCITY_SIGMA[0] in samples and VELOCITY[0] not in samples:
-        raise BadInputError(f"{file}: line 1: {VELOCITY_SIGMA[0]} needs {', '.join(VELOCITY)}")
-
-    def sigma(names: tuple[str, ...], usual: tuple[float, ...]) -> FloatArray:
-        stated = stated_sigma(file, samples, names)
-        return np.tile(np.array(usual), (len(p_n_m), 1)) if stated is None else stated
-
-    moves = VELOCITY[0] in samples
-    velocity = columns_to_vectors(samples, VELOCITY) if moves else np.zeros((0, 3))
-    sigmas = (("position", POSITION_SIGMA), ("velocity", VELOCITY_SIGMA))
-    return Fixes(
-        t_s=samples["t_s"],
-        antenna=keys.antenna,
-        p_n_m=p_n_m,
-        v_n_mps=velocity_to_n(at.origin, p_n_m, velocity) if moves else None,
-        position_sigma_m=sigma(POSITION_SIGMA, USUAL_POSITION_SIGMA_M),
-        velocity_sigma_mps=sigma(VELOCITY_SIGMA, USUAL_VELOCITY_SIGMA_MPS) if moves else None,
-        unstated=tuple(name for name, columns in sigmas if columns[0] not in samples),
-    )
+    unstated = []
+    for name, sigma, usual in (
+        ("position", "position_sigma_m", USUAL_POSITION_SIGMA_M),
+        ("velocity", "velocity_sigma_mps", USUAL_VELOCITY_SIGMA_MPS),
+    ):
+        if values[sigma] is None:
+            unstated.append(name)
+            is_measured = name == "position" or values["v_n_mps"] is not None
+            values[sigma] = np.tile(usual, (len(values["t_s"]), 1)) if is_measured else None
+    return Fixes(antenna=keys.antenna, unstated=tuple(unstated), **values)
 
 
-def _baseline(samples: Samples, keys: Any, at: Surroundings, file: Path) -> Baseline:  # noqa: ANN401
-    return baseline_of(samples, keys.antennas, at.origin, at.fixes, file)
-
-
-def _photodetector(
-    samples: Samples, keys: PhotodetectorTable, at: Surroundings, _file: Path
-) -> Photodetector:
+def _photodetector(values: Any, keys: Any, at: Surroundings, _file: Path) -> Photodetector:  # noqa: ANN401
     table = read_table(at.folder / keys.calibration, CALIBRATION, increasing=CALIBRATION[0])
+    calibration = columns_to_vectors(table, CALIBRATION)
     landmark = np.array([[getattr(keys.landmark, name) for name in PLACE]])
-    values = values_of(keys, Photodetector) | {
-        "calibration": columns_to_vectors(table, CALIBRATION)
-    }
-    return Photodetector(
-        t_s=samples["t_s"],
-        currents=columns_to_vectors(samples, CURRENTS),
-        landmark_n_m=place_to_n(at.origin, landmark)[0],
-        **values,
-    )
+    stated = values_of(keys, Photodetector) | {"calibration": calibration}
+    return Photodetector(**values, landmark_n_m=place_to_n(at.origin, landmark)[0], **stated)
 
 
-def _barometer(samples: Samples, keys: Any, _at: Surroundings, _file: Path) -> Barometer:  # noqa: ANN401
-    height_m = samples[HEIGHT[0]]
-    return Barometer(t_s=samples["t_s"], height_m=height_m, **values_of(keys, Barometer))
-
-
-def _magnetometer(samples: Samples, keys: Any, _at: Surroundings, _file: Path) -> Magnetometer:  # noqa: ANN401
-    field_b_ut = columns_to_vectors(samples, FIELD)
-    return Magnetometer(t_s=samples["t_s"], field_b_ut=field_b_ut, **values_of(keys, Magnetometer))
-
-
-def _truth(samples: Samples, keys: TruthTable, at: Surroundings, file: Path) -> Truth:
+def _truth(values: Any, keys: TruthTable, at: Surroundings, _file: Path) -> Truth:  # noqa: ANN401
     """Return the truth, or a reference taken as such."""
     integers = read_integers(at.folder / keys.integers) if keys.integers else None
     for name in sorted(set(integers.antennas) - set(at.antennas) if integers is not None else ()):
@@ -232,27 +230,16 @@ def _truth(samples: Samples, keys: TruthTable, at: Surroundings, file: Path) -> 
             f"{at.folder / str(keys.integers)}: true integers antenna: {name!r} is not one of "
             f"{list(at.antennas)}"
         )
-    euler_sigma_deg = stated_sigma(file, samples, EULER_SIGMA)
-    p_n_m = place_to_n(at.origin, columns_to_vectors(samples, PLACE))
-    return Truth(
-        t_s=samples["t_s"],
-        p_n_m=p_n_m,
-        v_n_mps=velocity_to_n(at.origin, p_n_m, columns_to_vectors(samples, VELOCITY)),
-        R_nb=attitude_to_n(at.origin, p_n_m, columns_to_vectors(samples, EULER)),
-        integers=integers,
-        source=keys.source,
-        position_sigma_m=stated_sigma(file, samples, POSITION_SIGMA),
-        velocity_sigma_mps=stated_sigma(file, samples, VELOCITY_SIGMA),
-        euler_sigma_rad=None if euler_sigma_deg is None else np.radians(euler_sigma_deg),
-    )
+    return Truth(integers=integers, source=keys.source, **values)
 
 
 _READERS: dict[str, Callable[..., Any]] = {
     "imu": _imu,
     "fixes": _fixes,
-    "baseline": _baseline,
     "photodetector": _photodetector,
-    "barometer": _barometer,
-    "magnetometer": _magnetometer,
+    "barometer": lambda values, keys, *_: Barometer(**values, **values_of(keys, Barometer)),
+    "magnetometer": lambda values, keys, *_: Magnetometer(
+        **values, **values_of(keys, Magnetometer)
+    ),
     "truth": _truth,
 }

@@ -91,10 +91,14 @@ class FixesTable(Table, frozen=True, kw_only=True):
 
 
 class BaselineTable(Table, frozen=True, kw_only=True):
-    """``[[baseline]]``: from the first antenna to the second."""
+    """``[[baseline]]``: from the first antenna to the second.
+
+    ``heading_offset_deg`` is what the receiver has added to the heading of that line.
+    """
 
     samples: str
     antennas: tuple[str, str]
+    heading_offset_deg: Annotated[float, msgspec.Meta(ge=-360, le=360)] | None = None
 
 
 class PhotodetectorTable(Table, frozen=True, kw_only=True):

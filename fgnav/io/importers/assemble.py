@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Loss, losses_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import toml as flight_toml
@@ -118,16 +118,10 @@ def _stated(one: Recording, settings: Settings) -> Recording:
             f"{one.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] of "
             "--settings"
         )
-    losses = [
-        Loss(
-            what=f"{kind} row",
-            reason=f"[{kind}] of --settings does not state its noise ({one.source.name})",
-            count=len(one.tables[kind]["t_s"]),
-        )
-        for kind in unused
-    ]
+    text = f"[{{}}] of --settings does not state its noise ({one.source.name})"
+    counts = {(f"{k} row", text.format(k)): len(one.tables[k]["t_s"]) for k in unused}
     tables = {kind: rows for kind, rows in one.tables.items() if kind not in unused}
-    return replace(one, tables=tables, losses=(*one.losses, *losses))
+    return replace(one, tables=tables, losses=(*one.losses, *losses_of(counts)))
 
 
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:

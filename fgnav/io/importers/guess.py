@@ -6,7 +6,6 @@ neither a name nor the size of the numbers determines are marked ``unconfirmed``
 
 import csv
 import re
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,7 @@ from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, RATE, VELOCITY
 from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of
+from fgnav.io.user_files import read_lines
 
 _ROWS = 20_000  # looked at
 _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
@@ -54,46 +53,6 @@ _UP = {
 }
 _NO_VALUE = re.compile(r"sigma|std|sd[neuv]|acc(?:uracy)?$|err|cov|var|dop|rms|valid|status")
 _ABOVE_SEA = re.compile(r"msl|sea|geoid|undul|agl|baro|rel")
-# Units in names, by what the flight's column ends in; the first that fits counts.
-_END = r"(?:[^a-z].*)?$"
-_NOT_LETTER = r"(?:^|[^a-z])"
-_UNIT_NAMES: dict[str, tuple[tuple[str, str], ...]] = {
-    "s": (
-        ("ns", r"(?:[^a-z]|time|stamp)n(?:s|secs?|ano\w*)" + _END),
-        ("us", r"(?:[^a-z]|time|stamp)(?:[uµμ]s(?:ecs?)?|micro\w*)" + _END),
-        ("ms", r"(?:[^a-z]|time|stamp)(?:m(?:s|secs?)|milli\w*)" + _END),
-        ("s", r"(?:^|[^a-z])s(?:ecs?|econds?)?" + _END),
-    ),
-    "mps2": (
-        ("m/s2", r"(?<![a-z])m[^a-z0-9]*(?:s|ps2)"),
-        ("mg", _NOT_LETTER + r"(?:mg|milli_?g)" + _END),
-        ("g", _NOT_LETTER + r"g(?:s|ee)?\W*$"),
-    ),
-    "radps": (
-        ("mrad/s", r"mrad|milli_?rad"),
-        ("rad/s", r"rad"),
-        ("mdeg/s", r"mdps|mdeg|milli_?deg"),
-        ("deg/s", r"dps|deg|[°º]"),
-    ),
-    "deg": (("1e-7deg", r"1?0?\^?e-?7"), ("rad", r"rad"), ("deg", r"deg|[°º]")),
-    "m": tuple(
-        (unit, rf"{_NOT_LETTER}(?:{words})\W*$")
-        for unit, words in (
-            ("mm", "mm"),
-            ("cm", "cm"),
-            ("km", "km"),
-            ("ft", "ft|feet"),
-            ("m", "m|met(?:er|re)s?"),
-        )
-    ),
-    "mps": (
-        ("mm/s", r"mm[/_p ]*s"),
-        ("cm/s", r"cm[/_p ]*s"),
-        ("km/h", r"km[/_p ]*h"),
-        ("kt", r"kts?\W*$|knots?"),
-        ("m/s", r"m[/_p ]*s"),
-    ),
-}
 _BRACKETS = re.compile(r"[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")  # [0] is an index
 _ENDING = re.compile(
     r"[_ .](?:m?dps|degps|m?deg(?:[_/]?s)?|rad(?:[_/]?s|ps)?|m?g|mps2?|m_?s2?|m_s_?2|kmh|kts?|"
@@ -116,10 +75,7 @@ def guessed(path: Path) -> CsvTable:
     BadInputError
         If neither is found.
     """
-    with path.open("rb") as raw:
-        encoding = encoding_of(raw.read(4))
-    with path.open(encoding=encoding, errors="replace", newline="") as file:
-        lines = list(islice(file, _ROWS))
+    lines = read_lines(path)[:_ROWS]
     delimiter = _delimiter(lines)
     rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
     commas = [cell for row in rows[:200] for cell in row if delimiter != "," in cell]
@@ -172,7 +128,7 @@ def guessed(path: Path) -> CsvTable:
 
 def _delimiter(lines: list[str]) -> str:
     """Return what stands between columns: a comma only where nothing else does."""
-    text = "".join(line for line in lines[1:200] or lines if line.strip())
+    text = "".join(lines[1:200] or lines)
     return next((one for one in "\t;," if one in text), " ")
 
 
@@ -225,40 +181,33 @@ def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> 
 
 def _by_numbers(path: Path, x: FloatArray, names: dict[str, int]) -> dict[str, int]:
     """Return places of columns by what their numbers do: a time runs on, a force is gravity's."""
-    steps = np.diff(x, axis=0)
-    runs = [k for k in range(x.shape[1]) if (steps[:, k] <= 0).mean() < _MOST_SHARE_ODD]
-    runs = [k for k in runs if np.isfinite(x[:, k]).any()]
-    time = names.get("t_s", runs[0] if runs else None)
+    runs = [k for k in range(x.shape[1]) if _runs(x[:, k])]
+    time = names.get("t_s", next(iter(runs), None))
     if time is None:
         return {}
-    columns = {"t_s": time}
-    triples = [k for k in range(x.shape[1] - 2) if time not in {k, k + 1, k + 2}]
-    triples = [k for k in triples if np.isfinite(x[:, k : k + 3]).any(axis=0).all()]
-    lengths = {k: float(np.nanmedian(np.linalg.norm(x[:, k : k + 3], axis=1))) for k in triples}
-    near = {k: min(abs(length / size - 1) for size in _GRAVITY) for k, length in lengths.items()}
-    places = [k for k in triples if _may_be_places(x[:, k : k + 3])]
-    if places and min(places) <= min(near, key=near.__getitem__):
-        raise BadInputError(
-            f"{path}: columns {places[0] + 1} to {places[0] + 3} may be latitude, longitude, "
-            "height, and no header names them; describe them in [[csv]] of a file for `fgnav "
-            "import --settings`, docs/own_log.md"
-        )
-    triples = [k for k in triples if not {k, k + 1, k + 2} & set(runs)]
-    begin = min((k for k in range(x.shape[1]) if k not in runs), default=0)
-    force = min(triples, key=lambda k: (round(near[k], 2), (k - begin) % 3, k), default=None)
-    if force is None or near[force] > _NEAR:
-        return columns
-    columns |= {name: force + k for k, name in enumerate(FORCE)}
-    rate = next(
-        (k for k in triples if k >= force + 3), next((k for k in triples if k + 3 <= force), None)
-    )
-    if rate is not None:
-        columns |= {name: rate + k for k, name in enumerate(RATE)}
-    return columns
+    for k in range(x.shape[1] - 2):
+        if time not in {k, k + 1, k + 2} and _may_be_places(x[:, k : k + 3]):
+            raise BadInputError(
+                f"{path}: columns {k + 1} to {k + 3} may be latitude, longitude, height, and no "
+                "header names them; describe them in [[csv]] of a file for `fgnav import "
+                "--settings`, docs/own_log.md"
+            )
+    free = [k for k in range(x.shape[1]) if k not in (time, *runs) and np.isfinite(x[:, k]).any()]
+    triples = [free[k : k + 3] for k in range(0, len(free) - 2, 3)]
+    lengths = [float(np.nanmedian(np.linalg.norm(x[:, some], axis=1))) for some in triples]
+    near = [min(abs(length / size - 1) for size in _GRAVITY) for length in lengths]
+    force = int(np.argmin(near)) if near else -1
+    if force < 0 or near[force] > _NEAR:
+        return {"t_s": time}
+    columns = {"t_s": time, **dict(zip(FORCE, triples[force], strict=True))}
+    others = [*triples[force + 1 :], *triples[:force]]
+    return columns | (dict(zip(RATE, others[0], strict=True)) if others else {})
 
 
 def _may_be_places(block: FloatArray) -> bool:
     """Return True if three columns may be degrees and metres of a vehicle that moves a little."""
+    if not np.isfinite(block).any(axis=0).all():
+        return False
     largest = np.nanmax(np.abs(block), axis=0)
     smooth = np.nanmax(np.abs(np.diff(block[:, :2], axis=0)), initial=0.0) < _SMOOTH_DEG
     fraction = (block[:, :2] % 1e-3 != 0).any()
@@ -274,8 +223,8 @@ def _units(
     for name, place in places.items():
         suffix = name.rsplit("_", 1)[1]
         cell = head[place].lower() if head else ""
-        for unit, pattern in _UNIT_NAMES[suffix]:
-            if suffix not in units and re.search(pattern, cell):
+        for unit, one in UNITS[suffix].items():
+            if suffix not in units and re.search(one.names, cell):
                 units[suffix] = unit
     columns = {
         suffix: x[:, [p for n, p in places.items() if n.endswith(f"_{suffix}")]]
@@ -299,7 +248,7 @@ def _imu_units(
     units["mps2"] = _GRAVITY[size]
     unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
     step = np.nanmedian(np.abs(np.diff(columns["s"][:, 0]))) if units["s"] != "date" else 0.0
-    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]] > _LONG_STEP_S)
+    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]].factor > _LONG_STEP_S)
     if columns["radps"].size and "radps" not in units:
         # Vehicles turn less than once a second but for moments: more is degrees.
         fast = np.nanpercentile(np.abs(columns["radps"]), 99) > 2 * np.pi
@@ -335,7 +284,7 @@ def _time_unit(t: FloatArray, longest_s: float) -> str:
     """Return the unit that makes steps between samples, or fixes, no longer than is usual."""
     steps = np.diff(t[np.isfinite(t)])
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit] <= longest_s]
+    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit].factor <= longest_s]
     return fits[0] if fits else "s"
 
 
@@ -347,7 +296,7 @@ def _clock(
     if unit == "date":
         is_utc = bool(time_zone(body[0][place])) or "utc" in name
         return ("utc", False) if is_utc else ("gps", "gps" not in name)
-    t_s = x[:, place] * UNITS["s"][unit]
+    t_s = x[:, place] * UNITS["s"][unit].factor
     first_s = float(t_s[np.isfinite(t_s)][0])
     if _WEEK_NAMES.fullmatch(_plain(name)) and first_s <= 604_800:
         return "week", False

@@ -10,7 +10,7 @@ from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.importers import FORMATS, importer_names
 from fgnav.io.importers.formats.kfgins import is_increments
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, unpacked
+from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, unmarked, unpacked
 
 _HEAD_BYTES = 8192
 _TAKEN_PACKED = ("rinex", "sp3")  # their readers unpack
@@ -59,7 +59,7 @@ def plain(path: Path, scratch: Path) -> Path:
 
 def _format(path: Path) -> str:
     with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+        head = unmarked(file.read(_HEAD_BYTES))
     lines = head.split(b"\n")
     for name, one in FORMATS.items():
         if head.startswith(one.begins) or any(re.match(one.line, line) for line in lines):

@@ -1,5 +1,6 @@
 """What one foreign file holds: tables of samples under the flight format's own column names."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -7,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, losses_of
 from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, Samples, fault_of_columns, largest
 from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
@@ -86,18 +87,21 @@ def cleaned(recording: Recording) -> Recording:
     BadInputError
         If a table has no usable row.
     """
-    tables, losses, missing = {}, list(recording.losses), dict(recording.missing)
-    source = recording.source
+    tables, missing, source = {}, dict(recording.missing), recording.source
+    counts = Counter[tuple[str, str]]()
     for kind, table in recording.tables.items():
         good: BoolArray = np.ones(len(table["t_s"]), bool)
         for name, column in table.items():
             good &= np.abs(column) <= largest(name)  # false of NaN, too
             if name.startswith("sigma"):
                 good &= column >= LEAST_SIGMA
-        counts = {"a value is missing, or no instrument has it": int((~good).sum())}
+        what = f"{kind} row"
+        reason = f"a value is missing, or no instrument has it ({source.name})"
+        counts[what, reason] = int((~good).sum())
         if PLACE[0] in table:
             nowhere = good & (table[PLACE[0]] == 0) & (table[PLACE[1]] == 0)
-            counts["latitude and longitude are 0: the receiver had no fix"] = int(nowhere.sum())
+            reason = f"latitude and longitude are 0: the receiver had no fix ({source.name})"
+            counts[what, reason] = int(nowhere.sum())
             good &= ~nowhere
         t_s = _unwrapped(table["t_s"][good])
         if kind == "imu" and (np.diff(t_s) == 0).sum() > _SHARED * len(t_s):
@@ -109,18 +113,15 @@ def cleaned(recording: Recording) -> Recording:
             )
             missing["imu.samples"] = "\n".join(filter(None, (missing.get("imu.samples"), text)))
         later = _in_order(t_s)
-        counts["its time does not increase"] = int((~later).sum())
+        counts[what, f"its time does not increase ({source.name})"] = int((~later).sum())
         if not later.any():
             raise BadInputError(
                 f"{source}: {kind}: no row is usable of {len(good)}; look at columns and units"
             )
-        losses += [
-            Loss(what=f"{kind} row", reason=f"{reason} ({source.name})", count=count)
-            for reason, count in counts.items()
-        ]
         tables[kind] = {name: np.asarray(column)[good][later] for name, column in table.items()}
         tables[kind]["t_s"] = t_s[later]
-    return replace(recording, tables=tables, losses=tuple(losses), missing=missing)
+    losses = (*recording.losses, *losses_of(counts))
+    return replace(recording, tables=tables, losses=losses, missing=missing)
 
 
 def _unwrapped(t_s: FloatArray) -> FloatArray:

@@ -1,7 +1,8 @@
 """What the user says about foreign files: a small TOML, ``fgnav import --settings``."""
 
+import math
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -12,20 +13,58 @@ from fgnav.io.flight.toml import AntennaTable, BarometerKeys, ImuKeys, Magnetome
 from fgnav.io.strict_toml import Table, as_table, read_toml
 
 Kind = Literal["imu", "fixes", "barometer", "magnetometer", "truth"]
-# Factors to the units of the flight format, by what a column's name ends in.
-UNITS: dict[str, dict[str, float]] = {
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "date": 1.0},
-    "mps2": {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3},  # standard gravity, exact
-    "radps": {
-        "rad/s": 1.0,
-        "deg/s": 0.017453292519943295,
-        "mrad/s": 1e-3,
-        "mdeg/s": 1.7453292519943295e-5,
+_LETTER = r"(?:^|[^a-z])"  # before
+_END = r"(?:[^a-z].*)?$"
+_TIME = r"(?:[^a-z]|time|stamp)"
+
+
+class Unit(NamedTuple):
+    """A unit of a file's columns."""
+
+    factor: float  # to that of the flight format
+    names: str = r"(?!)"  # pattern in a column's lower-case name that tells it
+
+
+# Units by what a column's name ends in; of two whose pattern fits a name, the first.
+UNITS: dict[str, dict[str, Unit]] = {
+    "s": {
+        "ns": Unit(1e-9, _TIME + r"n(?:s|secs?|ano\w*)" + _END),
+        "us": Unit(1e-6, _TIME + r"(?:[uµμ]s(?:ecs?)?|micro\w*)" + _END),
+        "ms": Unit(1e-3, _TIME + r"(?:m(?:s|secs?)|milli\w*)" + _END),
+        "s": Unit(1.0, _LETTER + r"s(?:ecs?|econds?)?" + _END),
+        "date": Unit(1.0),
     },
-    "deg": {"deg": 1.0, "rad": 57.29577951308232, "1e-7deg": 1e-7},
-    "m": {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "ft": 0.3048},  # international foot, exact
-    "mps": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "km/h": 1 / 3.6, "kt": 1852 / 3600},
-    "ut": {"uT": 1.0, "nT": 1e-3, "T": 1e6, "G": 100.0, "mG": 0.1},
+    "mps2": {
+        "m/s2": Unit(1.0, r"(?<![a-z])m[^a-z0-9]*(?:s|ps2)"),
+        "mg": Unit(9.80665e-3, _LETTER + r"(?:mg|milli_?g)" + _END),
+        "g": Unit(9.80665, _LETTER + r"g(?:s|ee)?\W*$"),  # standard gravity, exact
+    },
+    "radps": {
+        "mrad/s": Unit(1e-3, r"mrad|milli_?rad"),
+        "rad/s": Unit(1.0, r"rad"),
+        "mdeg/s": Unit(math.pi / 180e3, r"mdps|mdeg|milli_?deg"),
+        "deg/s": Unit(math.pi / 180, r"dps|deg|[°º]"),
+    },
+    "deg": {
+        "1e-7deg": Unit(1e-7, r"1?0?\^?e-?7"),
+        "rad": Unit(180 / math.pi, r"rad"),
+        "deg": Unit(1.0, r"deg|[°º]"),
+    },
+    "m": {
+        "mm": Unit(1e-3, _LETTER + r"mm\W*$"),
+        "cm": Unit(1e-2, _LETTER + r"cm\W*$"),
+        "km": Unit(1e3, _LETTER + r"km\W*$"),
+        "ft": Unit(0.3048, _LETTER + r"(?:ft|feet)\W*$"),  # international foot, exact
+        "m": Unit(1.0, _LETTER + r"m(?:et(?:er|re)s?)?\W*$"),
+    },
+    "mps": {
+        "mm/s": Unit(1e-3, r"mm[/_p ]*s"),
+        "cm/s": Unit(1e-2, r"cm[/_p ]*s"),
+        "km/h": Unit(1 / 3.6, r"km[/_p ]*h"),
+        "kt": Unit(1852 / 3600, r"kts?\W*$|knots?"),
+        "m/s": Unit(1.0, r"m[/_p ]*s"),
+    },
+    "ut": {"uT": Unit(1.0), "nT": Unit(1e-3), "T": Unit(1e6), "G": Unit(100.0), "mG": Unit(0.1)},
 }
 
 

@@ -1,6 +1,7 @@
 """The head of a RINEX file: what kind it is, and which observation types its lines hold."""
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -9,14 +10,15 @@ import numpy as np
 
 from fgnav.checks import BadInputError, quoted
 from fgnav.io.gps_time import date_to_gps_s
+from fgnav.io.rinex.constellations import CONSTELLATIONS
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import is_number
 
 _MOST_TYPES = 99  # more than any receiver tracks
 _TYPE = {2: re.compile(r"[CLPDS][1-9A-Z]"), 3: re.compile(r"[CLDSIX][0-9][A-Z0-9]?")}
 _VERSIONS = {2: (2.00, 2.12), 3: (3.00, 3.05), 4: (4.00, 4.02)}
-_SYSTEMS = "GRECJSI"
-_TIMES = {"R": "GLO", "E": "GAL", "C": "BDT", "J": "QZS"}
+_SYSTEMS = "".join(CONSTELLATIONS)
+_TIMES = {letter: one.time for letter, one in CONSTELLATIONS.items()}
 _NAVIGATION_2 = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}  # constellations by file type
 _MOST_BYTES = 1 << 20  # a head of a megabyte is no head
 
@@ -102,7 +104,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
             raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
         last = first.text.split()[-1:]  # wherever it stands
         time_system = last[0] if last and last[0].isalpha() else time_system
-        if time_system not in ("GPS", *_TIMES.values()):
+        if time_system not in _TIMES.values():
             raise first.fault("time system must be GPS, GLO, GAL, QZS or BDT", time_system)
     return Header(
         path=path,
@@ -166,21 +168,28 @@ def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[st
     if version < 3:
         names = [name for line in listed for name in line.text[6:].split()]
         return dict.fromkeys(_SYSTEMS, _checked(listed[0], listed[0].text[:6], names, _TYPE[2]))
-    found: dict[str, tuple[_Line, str, list[str]]] = {}
-    letter = ""
-    for line in listed:
-        if line.text[0] != " ":
-            letter = line.text[0]
-            if letter not in _SYSTEMS or letter in found:
-                raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
-            found[letter] = line, line.text[3:6], []
-        if not letter:
-            raise line.fault("OBS TYPES must start with a constellation", line.text)
-        found[letter][2].extend(line.text[6:].split())
-    types = {letter: _checked(*one, _TYPE[3]) for letter, one in found.items()}
+    found: dict[str, tuple[_Line, list[str]]] = {}
+    for letter, line in _by_letter(listed):
+        if letter not in _SYSTEMS or (letter in found and line.text[0] != " "):
+            raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
+        found.setdefault(letter, (line, []))[1].extend(line.text[6:].split())
+    types = {
+        letter: _checked(line, line.text[3:6], names, _TYPE[3])
+        for letter, (line, names) in found.items()
+    }
     if round(version, 2) == 3.02 and "C" in types:
         types["C"] = tuple(one[0] + one[1].replace("1", "2") + one[2:] for one in types["C"])
     return types
+
+
+def _by_letter(lines: list[_Line]) -> Iterator[tuple[str, _Line]]:
+    """Yield lines with the letter of their constellation, which lines that go on leave out."""
+    letter = ""
+    for line in lines:
+        letter = line.text[0].strip() or letter
+        if not letter:
+            raise line.fault(f"{line.label} must start with a constellation", line.text)
+        yield letter, line
 
 
 def _checked(
@@ -201,18 +210,15 @@ def _checked(
 
 def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
     """Return the factors that values of types were multiplied by."""
-    scales = {}
-    letter, factor = "", 1
-    for line in lines:
-        if line.label != "SYS / SCALE FACTOR":
-            continue
+    scales, factor = dict[tuple[str, str], int](), 1
+    for letter, line in _by_letter([one for one in lines if one.label == "SYS / SCALE FACTOR"]):
         if line.text[0] != " ":
-            letter, text = line.text[0], line.text[2:6].strip().lstrip("0")
+            text = line.text[2:6].strip().lstrip("0")
             if text not in ("", "1", "10", "100", "1000"):
                 raise line.fault(f"{line.label} must be 1, 10, 100 or 1000; repair the line", text)
             factor = int(text or "1")
-        for name in line.text[10:58].split() or types.get(letter, ()):
-            scales[letter, name] = factor
+        names = line.text[10:58].split() or types.get(letter, ())
+        scales |= {(letter, name): factor for name in names}
     return scales
 
 
@@ -222,9 +228,8 @@ def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
     for line in lines:
         if line.label == "WAVELENGTH FACT L1/2":
             names = [one.replace(" ", "0") for one in re.findall(r"[GRSE ][ \d]\d", line.text[18:])]
-            factors = line.text[:6].strip(), line.text[6:12].strip()
-            for band, factor in zip("12", factors, strict=True):
-                half |= {(name, band) for name in names or [""] if factor == "2"}
+            for band, factor in zip("12", (line.text[:6], line.text[6:12]), strict=True):
+                half |= {(name, band) for name in names or [""] if factor.strip() == "2"}
     return frozenset(half)
 
 

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, FloatArray, losses_of
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S, date_to_gps_s
+from fgnav.io.rinex.constellations import CONSTELLATIONS, USED, is_known
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
@@ -66,7 +66,8 @@ _BEGIN = {
     3: re.compile(r"([A-Z][ \d]\d) ?" + _DATE.format(year=r"\d{4}")),
     4: re.compile(r"> (\w{3}) ([A-Z][ \d]{2}) ?(\w*)"),
 }
-_NO_NUMBER = re.compile(r"[^-+.0-9DEde ]")
+# Of a field's width: else columns were lost or put in.
+_NUMBER = re.compile(r"(?=.{19}$) *[-+]?\d*\.\d+[DEde][-+]\d\d *")
 
 
 class _Message(NamedTuple):
@@ -94,9 +95,11 @@ def to_broadcast(
     messages, models = list[_Message](), list[FloatArray]()
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
-        broken = Counter[tuple[str, str]]()
-        messages += _messages(header, body, counts, broken)
-        counts += broken
+        messages += _messages(header, body, counts)
+        is_broken = any(what == "broadcast message" for what, _ in counts)
+        if body.strip() and not (body.endswith("\n") or is_broken):
+            reason = "the last line has no line end: it may be cut"
+            counts[f"{header.path.name} line end", reason] = 1
         models += [one for one in [_klobuchar(header, body)] if one.any()]
     what = "broadcast message"
     records = np.zeros(0, EPHEMERIS_DTYPE)
@@ -107,65 +110,60 @@ def to_broadcast(
         records, repeated = _each_once(records[possible])
         counts[what, "repeated"] += repeated
     if not len(records):
-        reason = next(iter(f"{what}: {why}" for what, why in counts), "the file has no message")
+        broken = (f"{what}: {why}" for (what, why), n in counts.items() if n)
+        reason = next(broken, "the file has no message")
         raise BadInputError(
             f"{headers[0].path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none; "
             f"{reason}"
         )
-    losses = tuple(Loss(what=w, reason=why, count=n) for (w, why), n in sorted(counts.items()) if n)
     klobuchar = models[-1] if models else np.zeros(8)
+    losses = losses_of(dict(sorted(counts.items())))
     return BroadcastOrbits(records=records, klobuchar=klobuchar, losses=losses)
 
 
-def _messages(
-    header: Header, body: str, counts: Counter[tuple[str, str]], broken: Counter[tuple[str, str]]
-) -> Iterator[_Message]:
-    """Yield the messages that can be decoded; count the others by their reason."""
-    version = int(header.version)
-    for number, lines in _split(body, _BEGIN[version]):
+def _messages(header: Header, body: str, counts: Counter[tuple[str, str]]) -> list[_Message]:
+    """Return the messages that can be decoded; count the others by their reason."""
+    version, found, first_of = int(header.version), list[_Message](), dict[str, str]()
+    for number, lines in _split(body, version):
         begin = _BEGIN[version].match(lines[0])
-        what = "broadcast message"
-        if begin is None:
-            broken[what, f"begins with no satellite and date, line {header.lines + number}"] += 1
-            continue
-        kind, name, of = begin.groups() if version == 4 else ("EPH", begin[1], "")
-        name = f"{header.system}{begin[1]}" if version == 2 else name
+        kind, name, of = begin.groups() if begin and version == 4 else ("EPH", "", "")
+        if begin and version < 4:
+            name = f"{header.system}{begin[1]}" if version == 2 else begin[1]
         name = name.replace(" ", "0")
-        limit = KNOWN_SATELLITES.get(name[0])
+        owner = CONSTELLATIONS.get(name[:1])
+        decoded: _Message | str = "begins with no satellite and date"
         if kind != "EPH":
             counts[f"{kind} record", "not an ephemeris"] += 1
-        elif limit is None or name[0] == "R":
-            counts[f"{CONSTELLATIONS.get(name[0], name[0])} message", "constellation not used"] += 1
-        elif of and of not in _DECODED:
+        elif begin and (name[0] not in USED or name[0] == "R"):
+            counts[f"{owner.name if owner else name[0]} message", "constellation not used"] += 1
+        elif begin and of and of not in _DECODED:
             counts[f"{name[0]} {of} message", "type not used"] += 1
-        elif int(name[1:]) > limit:
+        elif begin and not is_known(name):
             counts[f"{name} message", "of a number that is not used"] += 1
         else:
-            decoded = _decoded(name, lines[1:] if version == 4 else lines, min(version, 3))
-            if isinstance(decoded, _Message):
-                yield decoded
-                continue
-            first = next((why for _, why in broken if why.startswith(decoded)), "")
-            broken[what, first or f"{decoded}, line {header.lines + number} first"] += 1
+            if begin:
+                decoded = _decoded(name, lines[version == 4 :], min(version, 3))
+            if isinstance(decoded, str):
+                reason = f"{decoded}, line {header.lines + number} first"
+                counts["broadcast message", first_of.setdefault(decoded, reason)] += 1
+            else:
+                found.append(decoded)
+    return found
 
 
-def _split(body: str, begin: re.Pattern[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield records and the numbers of their first lines; blank lines are passed over."""
-    lines = list[str]()
-    first = 1
+def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
+    """Yield records and the numbers of their first lines, which are not indented."""
+    lines, first = list[str](), 1
     for number, line in enumerate(body.splitlines(), 1):
-        if not line.strip():
-            continue
-        if begin.match(line) or (not lines and first == 1):
-            if lines:
-                yield first, lines
-            first, lines = number, []
-        lines.append(line.rstrip())
+        is_first = line[:1] == ">" if version == 4 else line[:2].strip()
+        if lines and is_first:
+            yield first, lines
+            lines = []
+        if line.strip():
+            first = first if lines else number
+            lines.append(line)
     if lines:
-        is_cut = not body.endswith("\n") and not re.search(r"[DEde][+-]\d\d$", lines[-1])
-        yield first, lines[: len(lines) - is_cut]
-        if is_cut and len(lines) == _ROWS + 1:
-            yield body.count("\n") + 1, lines[-1:]
+        yield first, lines
 
 
 def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
@@ -182,15 +180,12 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
     words = [lines[0][shift + _WIDTH * k :][:_WIDTH] for k in range(1, 4)]
     later = 3 if version == 2 else 4
     words += [one[later + _WIDTH * k :][:_WIDTH] for one in lines[1:] for k in range(4)]
-    numbers = list[float]()
-    for k, word in enumerate(words):
-        text = word.strip() if k <= FIT else ""
-        if (not text and k in _NEEDED) or _NO_NUMBER.search(text):
-            return "must hold numbers such as -1.234567890123E-04"
-        try:
-            numbers.append(float(text.upper().replace("D", "E") or "0"))
-        except ValueError:
-            return "must hold numbers such as -1.234567890123E-04"
+    words = [word if k <= FIT and word.strip() else "" for k, word in enumerate(words)]
+    is_whole = all(words[k] for k in _NEEDED)
+    is_whole &= not any(one[later + 4 * _WIDTH :].strip() for one in lines[1:])
+    if not is_whole or not all(_NUMBER.fullmatch(word) for word in words if word):
+        return "must hold numbers such as -1.234567890123E-04"
+    numbers = (float(word.upper().replace("D", "E") or "0") for word in words)
     return _Message(name, time_s, tuple(numbers))
 
 

@@ -1,31 +1,17 @@
 """Which fields of RINEX observations are kept: code, phase, Doppler, density of which signals.
 
 RINEX 2 names codes and carriers only. There a satellite's code tells the signal of its phase, epoch
-by epoch [1]_.
-
-References
-----------
-.. [1] RINEX: The Receiver Independent Exchange Format Version 2.11, 2007, section 10.1.1; tracking
-   modes as RTKLIB's reader takes them.
+by epoch.
 """
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, TypeAlias
 
 from fgnav.checks import BadInputError
+from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
 from fgnav.io.rinex.header import Header
 
 QUANTITIES = "CLDS"  # code, phase, Doppler, density
-# Carriers that are kept by default, by constellation. BeiDou: B1I, B2a, B2I.
-_CARRIERS = {"G": "125", "E": "157", "C": "257", "J": "125", "R": "123"}
-# RINEX 2: signals of codes, by constellation, the best of a carrier first.
-_RINEX_2 = {
-    "G": {"C1": "1C", "P1": "1W", "P2": "2W", "C2": "2X", "C5": "5X"},
-    "E": {"C1": "1X", "C7": "7X", "C5": "5X", "C6": "6X", "C8": "8X"},
-    "C": {"C2": "2I", "C1": "2I", "C7": "7I", "C5": "5X", "C6": "6I"},
-    "J": {"C1": "1C", "C2": "2X", "C5": "5X", "C6": "6X"},
-    "R": {"C1": "1C", "P1": "1P", "C2": "2C", "P2": "2P"},
-}
 Wanted: TypeAlias = Mapping[str, Sequence[str]]  # signals by constellation letter
 
 
@@ -42,7 +28,7 @@ def fields_of(header: Header, letter: str) -> list[Field]:
     types = header.types.get(letter, ())
     if header.version >= 3:
         return [Field(QUANTITIES.find(name[0]), (name[1:],)) for name in types]
-    codes = _RINEX_2.get(letter, {})
+    codes = CONSTELLATIONS[letter].codes
     fields = []
     for name in types:
         quantity = QUANTITIES.find(name[0].replace("P", "C"))
@@ -61,7 +47,7 @@ def is_kept(letter: str, signal: str, wanted: Wanted) -> bool:
     """Return True if a signal is wanted, or nothing is and its carrier is kept by default."""
     if wanted:
         return signal in wanted.get(letter, ())
-    return len(signal) == 2 and signal[0] in _CARRIERS.get(letter, "")
+    return len(signal) == 2 and signal[0] in CONSTELLATIONS[letter].carriers
 
 
 def check_wanted(headers: Sequence[Header], wanted: Wanted) -> None:
@@ -75,7 +61,7 @@ def check_wanted(headers: Sequence[Header], wanted: Wanted) -> None:
     offered = {
         (letter, signal)
         for header in headers
-        for letter in _CARRIERS
+        for letter in USED
         for field in fields_of(header, letter)
         for signal in field.signals
         if field.quantity in (0, 1) and len(signal) == 2

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import read_bytes
+from fgnav.io.user_files import read_bytes, unmarked
 
 Bytes = NDArray[np.uint8]
 _MOST_CUT_LINES = 200  # of an epoch: a line a satellite
@@ -33,7 +33,7 @@ def read_text(path: Path) -> Bytes:
     BadInputError
         If the file is missing, empty, packed otherwise or damaged in its packing.
     """
-    content = read_bytes(path, is_text=True)
+    content = unmarked(read_bytes(path, is_text=True))
     content = _BLANK_LINES.sub(b"", content, count=1)
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, gps_s_to_date, to_ticks
+from fgnav.io.rinex.constellations import USED
 from fgnav.io.rinex.navigation import (
     ACCURACY,
     BDT_WEEK,
@@ -28,7 +29,6 @@ _FIELD = 16  # columns: F14.3, loss-of-lock indicator, signal strength
 _FNAV = 1 << 1  # of a Galileo message's data source
 _GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
-_SYSTEMS = {"C": "BeiDou", "E": "Galileo", "G": "GPS", "J": "QZSS", "R": "GLONASS"}
 
 
 def _line(content: str, label: str) -> str:
@@ -68,10 +68,8 @@ def write_observations(
     """
     _check_version(version)
     for satellite in observations.satellites:
-        if satellite[0] not in _SYSTEMS:
-            raise BadInputError(
-                f"{path}: satellite must be of {', '.join(_SYSTEMS)}, got {satellite}"
-            )
+        if satellite[0] not in USED:
+            raise BadInputError(f"{path}: satellite must be of {', '.join(USED)}, got {satellite}")
     ticks = to_ticks(start_gps_s) + _ticks(observations.tag_s[:, antenna])
     names, channels, signals = _layout(observations)
     arrays = [
@@ -190,11 +188,7 @@ def _head(
 
 
 def write_navigation(
-    path: Path,
-    broadcast: BroadcastOrbits,
-    *,
-    start_gps_s: float,
-    version: RinexVersion = "3.04",
+    path: Path, broadcast: BroadcastOrbits, *, start_gps_s: float, version: RinexVersion = "3.04"
 ) -> None:
     """Write broadcast messages of GPS, Galileo, BeiDou and QZSS.
 

@@ -13,20 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, quoted
-from fgnav.io.gps_time import UNIX_OF_GPS_S, date_to_gps_s, gps_of_utc
-from fgnav.io.rinex.losses import CONSTELLATIONS, KNOWN_SATELLITES
-from fgnav.io.rinex.observations import first_of_each, in_order
+from fgnav.checks import BadInputError, BoolArray, FloatArray, losses_of, quoted
+from fgnav.io.gps_time import SCALES, date_to_gps_s, gps_of
+from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
+from fgnav.io.rinex.observations import in_order
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import is_number
 from fgnav.types.orbits import PreciseOrbits
 
-# Whole seconds behind GPS time, of BeiDou's since 2006; of TAI ahead.
-_BEHIND_GPS_S = {"GPS": 0.0, "GAL": 0.0, "QZS": 0.0, "BDT": 14.0, "TAI": -19.0}
-_UTC = ("UTC", "GLO")
 _NO_CLOCK_US = 999_999.0
 _WIDTH = 60  # columns of a position record that are read
-_OTHERS = CONSTELLATIONS | {"L": "low satellites'"}
+_LOW = "L"  # satellites in low orbits, by names of their own
 
 
 def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
@@ -52,85 +49,78 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
-    files = [(_read(path, start_gps_s), path.name) for path in paths]
-    files.sort(key=lambda one: float(one[0].t_s[0]))
-    satellites = sorted({name for file, _ in files for name in file.satellites})
-    t_s, p_e_m, clock_s, losses = [], [], [], list[Loss]()
-    end_s = -np.inf
-    for file, name in files:
+    files = [(path.name, *_read(path, start_gps_s)) for path in paths]
+    files.sort(key=lambda one: float(one[1].t_s[0]))
+    satellites = sorted({satellite for _, file, _ in files for satellite in file.satellites})
+    parts, counts, end_s = list[tuple[FloatArray, ...]](), Counter[tuple[str, str]](), -np.inf
+    for name, file, lost in files:
         later = file.t_s > end_s
-        column = [satellites.index(name) for name in file.satellites]
-        place = np.full((int(later.sum()), len(satellites), 3), np.nan)
-        clock = np.full(place.shape[:2], np.nan)
-        place[:, column], clock[:, column] = file.p_e_m[later], file.clock_s[later]
-        t_s.append(file.t_s[later])
-        p_e_m.append(place)
-        clock_s.append(clock)
+        column = [satellites.index(satellite) for satellite in file.satellites]
+        x = np.full((int(later.sum()), len(satellites), 4), np.nan)
+        x[:, column, :3], x[:, column, 3] = file.p_e_m[later], file.clock_s[later]
+        parts.append((file.t_s[later], x))
         end_s = max(end_s, float(file.t_s[-1]))
-        losses += file.losses
-        reason, count = "an earlier file has it too", int((~later).sum())
-        losses += [Loss(what=f"{name} epoch", reason=reason, count=count)] if count else []
+        counts += lost
+        counts[f"{name} epoch", "an earlier file has it too"] += int((~later).sum())
+    t_s, x = (np.concatenate(some) for some in zip(*parts, strict=True))
     return PreciseOrbits(
-        t_s=np.concatenate(t_s),
+        t_s=t_s,
         satellites=tuple(satellites),
-        p_e_m=np.concatenate(p_e_m),
-        clock_s=np.concatenate(clock_s),
-        losses=tuple(losses),
+        p_e_m=x[..., :3],
+        clock_s=x[..., 3],
+        losses=losses_of(counts),
     )
 
 
-def _read(path: Path, start_gps_s: float) -> PreciseOrbits:
-    """Read one file."""
-    content = read_text(path).tobytes().decode("latin-1").rstrip("\x1a\0")
-    lines = content.split("\n")
+def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[str, str]]]:
+    """Return the orbits of one file, and what of it is not used."""
+    lines = read_text(path).tobytes().decode("latin-1").rstrip("\x1a\0").split("\n")
     satellites, announced, scale = _header(path, lines)
     kind = np.array([line[:1] for line in lines])
     epochs, records = np.flatnonzero(kind == "*"), np.flatnonzero(kind == "P")
-    t_s = _gps_s([lines[k] for k in epochs.tolist()], scale) - start_gps_s
+    dates_s = np.array([date_to_gps_s(lines[k][1:].split()) for k in epochs.tolist()], np.float64)
+    t_s = gps_of(dates_s, scale) - start_gps_s
     good = np.isfinite(t_s)
     good[good] = in_order(t_s[good])
     row = np.searchsorted(epochs, records) - 1
     values, whole = _numbers([lines[k] for k in records.tolist()])
     number = {name: k for k, name in enumerate(satellites)}
-    names = [_name(lines[k][1:4]) for k in records.tolist()]
-    column = np.array([number.get(name, -1) for name in names], np.int64)
+    column = np.array([number.get(_name(lines[k][1:4]), -1) for k in records.tolist()], np.int64)
     whole &= (column >= 0) & (row >= 0)
-    whole[whole] = first_of_each(row[whole] * len(satellites) + column[whole])
+    _, first = np.unique(row[whole] * len(satellites) + column[whole], return_index=True)
+    whole[np.delete(np.flatnonzero(whole), first)] = False  # the first of equal ones counts
     usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
     if not usable.any():
         raise BadInputError(
             f"{path}: must hold a position of a satellite, has none; fetch it again"
         )
-    p_e_m = np.full((len(epochs), len(satellites), 3), np.nan)
-    clock_s = np.full(p_e_m.shape[:2], np.nan)
-    x = values[usable]
-    absent = (x[:, :3] == 0).all(axis=1)
-    where = row[usable], column[usable]
-    p_e_m[where] = np.where(absent[:, None], np.nan, x[:, :3] * 1e3)
-    clock_s[where] = np.where(np.abs(x[:, 3]) >= _NO_CLOCK_US, np.nan, x[:, 3] * 1e-6)
+    x = np.full((len(epochs), len(satellites), 4), np.nan)
+    x[row[usable], column[usable]] = values[usable]
+    x[(x[..., :3] == 0).all(axis=-1), :3] = np.nan
+    x[np.abs(x[..., 3]) >= _NO_CLOCK_US, 3] = np.nan
     counts = Counter[tuple[str, str]]()
     reason = "no four numbers with six decimals, or no satellite of the header, or twice"
     counts[f"{path.name} record", reason] = int((~whole).sum())
     reason = "an epoch has fewer than the header has satellites"
-    counts[f"{path.name} record", reason] = max(p_e_m[..., 0].size - len(records), 0)
-    reason = "no date, or not later than all before"
-    counts[f"{path.name} epoch", reason] = int((~good).sum())
+    counts[f"{path.name} record", reason] = max(x[..., 0].size - len(records), 0)
+    counts[f"{path.name} epoch", "no date, or not later than all before"] = int((~good).sum())
     reason = "the header announces more: the file may be cut"
     counts[f"{path.name} epoch", reason] = max(announced - len(epochs), 0)
     if not any(line.startswith("EOF") for line in lines[-3:]):
         counts[f"{path.name} EOF", "is missing: the file may be cut"] = 1
     counts["SP3 velocity", "differences of positions serve"] = int((kind == "V").sum())
-    for k, n in Counter(names[k][0] for k in np.flatnonzero(usable)).items():
-        if k not in KNOWN_SATELLITES:
-            counts[f"{_OTHERS.get(k, k)} orbit", "constellation not used"] = n
-    is_used = np.array([name[0] in KNOWN_SATELLITES for name in satellites])
-    return PreciseOrbits(
+    is_used = np.array([name[0] in USED for name in satellites])
+    for k in column[usable & ~is_used[column]].tolist():
+        letter = satellites[k][0]
+        name = CONSTELLATIONS[letter].name if letter != _LOW else "low satellites'"
+        counts[f"{name} orbit", "constellation not used"] += 1
+    orbits = PreciseOrbits(
         t_s=t_s[good],
         satellites=tuple(np.array(satellites)[is_used].tolist()),
-        p_e_m=p_e_m[good][:, is_used],
-        clock_s=clock_s[good][:, is_used],
-        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in counts.items() if n),
+        p_e_m=x[good][:, is_used, :3] * 1e3,
+        clock_s=x[good][:, is_used, 3] * 1e-6,
     )
+    return orbits, counts
 
 
 def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
@@ -150,13 +140,13 @@ def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
             f"got {quoted(first[32:39])}"
         ) from error
     satellites = tuple(_name(names[3 * k : 3 * k + 3]) for k in range(count))
-    wrong = [s for s in satellites if s[:1] not in "GRECJSIL" or not s[1:].isdigit()]
+    wrong = [s for s in satellites if s[:1] not in (*CONSTELLATIONS, _LOW) or not s[1:].isdigit()]
     if wrong or not satellites or len(set(satellites)) < count:
         got = wrong[0] if wrong else f"{count} with repetitions"
         raise BadInputError(f"{path}: header must list each satellite once, got {quoted(got)}")
-    if scale not in (*_BEHIND_GPS_S, *_UTC):
-        scales = ", ".join((*_BEHIND_GPS_S, *_UTC))
-        raise BadInputError(f"{path}: time system must be one of {scales}, got {quoted(scale)}")
+    if scale not in SCALES:
+        rule = f"time system must be one of {', '.join(SCALES)}"
+        raise BadInputError(f"{path}: {rule}, got {quoted(scale)}")
     return satellites, announced, scale
 
 
@@ -164,12 +154,6 @@ def _name(text: str) -> str:
     """Return a satellite's name; SP3-a has GPS alone, by numbers."""
     text = text.ljust(3)
     return ("G" if text[0] == " " else text[0]) + text[1:].replace(" ", "0")
-
-
-def _gps_s(lines: Sequence[str], scale: str) -> FloatArray:
-    """Return the GPS times of epochs; NaN where there is no date."""
-    t_s = np.array([date_to_gps_s(line[1:].split()) for line in lines], np.float64)
-    return gps_of_utc(t_s + UNIX_OF_GPS_S) if scale in _UTC else t_s + _BEHIND_GPS_S[scale]
 
 
 def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:

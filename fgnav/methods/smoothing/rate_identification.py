@@ -4,11 +4,11 @@ A flight with neither an array nor a gyroscope has attitudes from vectors whose 
 seconds and are not known. Positions, velocities and specific forces tell it by the marginal
 likelihood of all of them; rates are as likely beforehand as those of an array are
 (``process.posterior``). A prior that is nearly as likely may have turned the body otherwise: by
-their shares of the posterior all of them doubt the attitudes (docs/model.md).
+their shares of the posterior all of them doubt the attitudes (docs/evidence/limitations.md).
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
+from fgnav.noise.decimation import decimated
 from fgnav.process import matern
 from fgnav.process.hyperparameters import LONGEST_S, RatePrior
 from fgnav.process.posterior import hyperparameters, log_prior
@@ -27,6 +28,7 @@ _BEGIN = (-1, 2)  # exponents of where the search begins: 0.3 s, 10 deg/s
 _STEP = 10**0.5  # between neighbours: log-likelihoods a nat apart are a third of that apart
 _LEAST, _LONGEST = -2, 2  # exponents: of lengths 0.1 to 10 s, of rates 0.1 deg/s and up
 _ITERATIONS = 40  # of one candidate; those near the likeliest need ten
+_PLAUSIBLE = 7.0  # below the highest log posterior: a thousandth as probable
 _MOST = 2000  # keyframes: a minute for all candidates; longer flights keep that of attitudes
 
 
@@ -42,33 +44,30 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     """Return a flight with the rate prior under which its measurements are likeliest.
 
     Length and variance, the same about all axes, climb from neighbour to neighbour on a grid of
-    factors of root ten; where a search starts matters as much, so each candidate is solved. What
-    attitudes is a candidate, too.
+    factors of root ten; where a search starts matters as much, so each candidate is solved: on a
+    run of keyframes, then those that are plausible there on all of them. What attitudes have
+    identified is a candidate, too.
 
     Parameters
     ----------
     prepared : PreparedFlight
         Without a gyroscope.
     """
-    motion = prepared.problem.motion
-    if not isinstance(motion, GyroFree) or len(prepared.problem.t_s) > _MOST:
+    problem = prepared.problem
+    motion = problem.motion
+    if not isinstance(motion, GyroFree) or len(problem.t_s) > _MOST:
         return prepared
-    stated = _at_its_minimum(prepared.problem, motion)
-    candidates = {_BEGIN: _candidate(prepared.problem, motion, _BEGIN)}
-    here = _BEGIN
-    while True:
-        around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-        for place in around:
-            if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
-                candidates[place] = _candidate(prepared.problem, motion, place)
-        near = [here, *(place for place in around if place in candidates)]
-        likeliest = max(near, key=lambda place: candidates[place].log_posterior)
-        if likeliest == here:
-            break
-        here = likeliest
-    best = max(stated, candidates[here], key=lambda one: one.log_posterior)
-    added = _spread(best, (stated, *candidates.values()))
-    if best is stated:
+    nominal = _at_its_minimum(problem, motion)
+    run, keyframes = decimated(problem)
+    found = _climbed(run)
+    highest = max(one.log_posterior for one in found.values())
+    plausible = [place for place, one in found.items() if one.log_posterior > highest - _PLAUSIBLE]
+    if len(keyframes) < len(problem.t_s):
+        found = {place: _candidate(problem, place) for place in plausible}
+    here = max(plausible, key=lambda place: found[place].log_posterior)
+    best = max(nominal, found[here], key=lambda one: one.log_posterior)
+    added = _spread(best, (nominal, *found.values()))
+    if best is nominal:
         return replace(prepared, attitude_inflation_rad2=added)
     note = prior_note(_prior(here))
     notes = tuple(one for one in prepared.notes if getattr(one, "code", "") != note.code)
@@ -78,6 +77,22 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
         attitude_inflation_rad2=added,
         notes=(*notes, note),
     )
+
+
+def _climbed(problem: Problem) -> dict[tuple[int, int], _Candidate]:
+    """Return the places of the grid that a climb to the likeliest has met."""
+    found = {_BEGIN: _candidate(problem, _BEGIN)}
+    here = _BEGIN
+    while True:
+        around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+        for place in around:
+            if place not in found and min(place) >= _LEAST and place[0] <= _LONGEST:
+                found[place] = _candidate(problem, place)
+        near = [here, *(place for place in around if place in found)]
+        likeliest = max(near, key=lambda place: found[place].log_posterior)
+        if likeliest == here:
+            return found
+        here = likeliest
 
 
 def _spread(best: _Candidate, candidates: tuple[_Candidate, ...]) -> FloatArray | None:
@@ -103,8 +118,9 @@ def _prior(place: tuple[int, int]) -> RatePrior:
     )
 
 
-def _candidate(problem: Problem, motion: GyroFree, place: tuple[int, int]) -> _Candidate:
-    """Return a place of the grid."""
+def _candidate(problem: Problem, place: tuple[int, int]) -> _Candidate:
+    """Return a place of the grid, of a problem without a gyroscope."""
+    motion = cast("GyroFree", problem.motion)
     prior, n = _prior(place), len(problem.t_s) - 1
     changed = replace(
         motion,

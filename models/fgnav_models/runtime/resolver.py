@@ -15,7 +15,7 @@ from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.snooping import touched
 from fgnav.integers.validation import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
-from fgnav.neural.manifest import Manifest, Statistic
+from fgnav.neural.manifest import Statistic
 from fgnav.neural.measures import Sensor
 from fgnav.neural.network import Network as Contracted
 from fgnav.types.differences import DoubleDifferences
@@ -165,16 +165,6 @@ class Network:
 def handed_over(integers: Integers) -> Mapping[str, int]:
     """Return how many epochs were outside the network's domain, by reason."""
     return {loss.reason: loss.count for loss in integers.losses if loss.what == HANDED_OVER}
-
-
-def risk_holds(manifest: Manifest) -> bool:
-    """Return True if the network's measured share of wrong epochs is not above ``constrained``'s.
-
-    Both are of epochs that the network was not trained on; nothing is run.
-    """
-    metrics = manifest.origin.metrics if manifest.origin else {}
-    ours, theirs = metrics.get("wrong_percent"), metrics.get("constrained_wrong_percent")
-    return ours is not None and theirs is not None and ours <= theirs
 
 
 def outside_domain(

@@ -40,7 +40,6 @@ class Learning(Table, frozen=True):
         settings = Settings(
             steps=self.steps,
             learning_rate=self.learning_rate,
-            optimizer="adamw" if self.weight_decay else "adam",
             weight_decay=self.weight_decay,
             clip_norm=1.0,
             seed=seed,

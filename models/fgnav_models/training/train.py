@@ -43,7 +43,6 @@ class Settings(Table, frozen=True):
 
     steps: Annotated[int, msgspec.Meta(ge=1)]
     learning_rate: Positive = 1e-3  # at the start; ``cosine`` takes it to zero at the last step
-    optimizer: Literal["adam", "adamw"] = "adam"
     weight_decay: NotNegative = 0.0
     schedule: Literal["constant", "cosine"] = "cosine"
     clip_norm: Positive | None = None
@@ -201,8 +200,8 @@ class _Run:
         self.module, self.settings = module, settings
         self.checkpoint, self.validate = checkpoint, validate
         self.device = next(module.parameters()).device
-        kinds = {"adam": torch.optim.Adam, "adamw": torch.optim.AdamW}
-        self.optimizer = kinds[settings.optimizer](
+        # AdamW: without decay it is Adam to the last bit
+        self.optimizer = torch.optim.AdamW(
             module.parameters(),
             lr=settings.learning_rate,
             weight_decay=settings.weight_decay,

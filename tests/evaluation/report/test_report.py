@@ -186,14 +186,13 @@ def test_a_long_table_has_its_head_on_every_sheet():
 
 
 def test_each_format_is_written_and_pictures_of_an_earlier_report_go(flown_report, tmp_path):
-    few = replace(flown_report, parts=flown_report.parts[:3])
+    parts = [part_of(flown_report, name) for name in ("summary", "allan")]
+    few = replace(flown_report, parts=parts)
     (tmp_path / "report-mine.png").write_bytes(b"not of fgnav")
     write(few, tmp_path / "report.png")
-    names = [
-        path.name for path in write(replace(few, parts=few.parts[:2]), tmp_path / "report.png")
-    ]
-    assert names == ["report.png", "report-errors.png"]
-    assert {path.name for path in tmp_path.iterdir()} == {*names, "report-mine.png"}
+    assert {path.name for path in tmp_path.iterdir()} >= {"report.png", "report-allan.png"}
+    write(replace(few, parts=parts[:1]), tmp_path / "report.png")
+    assert {path.name for path in tmp_path.iterdir()} == {"report.png", "report-mine.png"}
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
     for name in ("a.pdf", "b.pdf", "c.html"):
         assert write(few, tmp_path / name) == [tmp_path / name]
@@ -270,9 +269,8 @@ def test_a_flight_without_truth_or_sensors_still_has_its_report(flight, off, los
     assert "blind − b" in cells
     assert "nan" not in cells
     assert "yaw: not in the data" in " ".join(text_lines(part_of(report, "summary").blocks, 200))
-    for suffix in ("html", "pdf", "png"):
-        save_report(comparison, flight, tmp_path / f"a.{suffix}")
-        assert (tmp_path / f"a.{suffix}").stat().st_size > 1000
+    save_report(comparison, flight, tmp_path / "a.html")
+    assert (tmp_path / "a.html").stat().st_size > 1000
 
 
 def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
@@ -283,9 +281,9 @@ def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
         ("attitude_covariance_rad2", "position_covariance_m2", "velocity_covariance_m2ps2"),
         covariance,
     )
-    methods = [off(f"m{k}", noise, 0.1, t_s=t_s, more=stated) for k in range(5)]
+    methods = [off(f"m{k}", noise, 0.1, t_s=t_s, more=stated) for k in range(2)]
     flight = replace(flight, truth=true_state(t_s))
-    assert len(page(comparison_report(compare(flight, methods), flight))) < 7e6
+    assert len(page(comparison_report(compare(flight, methods), flight))) < 2.8e6
     y = np.zeros(len(t_s))
     y[12_345], y[20_001] = 5.0, -7.0
     spiky = Chart("t", "y", [Line(TRUTH, t_s, y)], y_limits=(-10, 10))

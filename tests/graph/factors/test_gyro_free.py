@@ -250,13 +250,6 @@ def test_a_slow_sine_is_predicted_over_a_tenth_of_a_second():
     assert np.abs(led.R_nb - after.R_nb).max() < 1e-4
 
 
-def test_rates_are_those_of_the_state():
-    factors, states = of_motion(sine(20.0), 0.1, 5)
-    np.testing.assert_array_equal(
-        factors.rates_b_radps(factors.t_s, states.aux), states.aux[:, 3:6]
-    )
-
-
 def test_prior_is_the_stationary_process_about_the_mean_rate():
     factors, _ = of_motion(sine(20.0), 0.1, 5, length_s=0.7, variance=0.2)
     mean, rows = factors.prior(CONSTANTS.width)

@@ -1,6 +1,7 @@
 """A flight as a folder."""
 
 import shutil
+from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
-from tests.io.flights import START_GPS_S, whole_flight
+from fgnav.types.flight import Baseline
+from tests.io.flights import whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
 UM = 1e-6
@@ -48,77 +50,51 @@ def write(folder, toml, **files):
     return folder
 
 
-def test_observations_come_back_as_they_were(saved):
-    for pick in (lambda f: f.observations, lambda f: f.base.observations):
-        want, got = pick(saved[0]), pick(saved[1])
-        assert (got.satellites, got.signals) == (want.satellites, want.signals)
-        np.testing.assert_allclose(got.t_s, want.t_s, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(got.tag_s, want.tag_s, rtol=0, atol=0.51e-7)
-        for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags"):
-            np.testing.assert_array_equal(getattr(got, name), getattr(want, name), err_msg=name)
+# Digits of RINEX and SP3: relative and absolute, by the end of a field's name.
+TOLERANCE = {
+    "observations.tag_s": (0, 0.51e-7),
+    "cn0_dbhz": (1e-7, 0),
+    "code_m": (1e-15, 0),
+    "phase_cycles": (1e-15, 0),
+    "doppler_hz": (1e-15, 0),
+    "klobuchar": (1e-4, 0),
+    "precise.p_e_m": (0, 1e-3),
+    "precise.clock_s": (0, 1e-12),
+    "broadcast.records": (1e-12, 1e-6),
+}
 
 
-def test_orbits_come_back_within_the_digits(saved):
-    want, got = saved[0].broadcast, saved[1].broadcast
-    for name in want.records.dtype.names:
-        if name == "satellite":
-            assert got.records[name].tolist() == want.records[name].tolist()
-        else:
-            np.testing.assert_allclose(got.records[name], want.records[name], rtol=1e-12, atol=1e-6)
-    np.testing.assert_allclose(got.klobuchar, want.klobuchar, rtol=1e-4)
-    np.testing.assert_allclose(saved[1].precise.p_e_m, saved[0].precise.p_e_m, rtol=0, atol=1e-3)
+def assert_same(got, want, where):
+    """Every field comes back, within the digits of its file."""
+    if isinstance(want, Baseline) and want.measured == "heading":  # level at the vehicle
+        for name in ("t_s", "antennas", "measured", "unstated", "heading_rad", "heading_sigma_rad"):
+            assert_same(getattr(got, name), getattr(want, name), f"{where}.{name}")
+    elif is_dataclass(want):
+        for name in (one.name for one in fields(want) if one.name != "losses"):
+            assert_same(getattr(got, name), getattr(want, name), f"{where}.{name}")
+    elif isinstance(want, tuple):
+        assert len(got) == len(want), where
+        for k, (one, other) in enumerate(zip(got, want, strict=True)):
+            assert_same(one, other, f"{where}.{k}")
+    elif isinstance(want, np.ndarray) and want.dtype.names:
+        for name in want.dtype.names:
+            assert_same(got[name], want[name], where)
+    elif isinstance(want, np.ndarray | float) and np.asarray(want).dtype.kind == "f":
+        ends = (pair for end, pair in TOLERANCE.items() if where.endswith(end))
+        rtol, atol = next(ends, (1e-10, UM))
+        np.testing.assert_allclose(got, want, rtol=rtol, atol=atol, err_msg=where)
+    else:
+        np.testing.assert_array_equal(got, want, err_msg=where)
 
 
-def test_tables_come_back_within_the_digits(saved):
-    others = ("position_b_m", "landmark_n_m", "calibration", "field_n_ut")
-    for part, want in saved[0].records.items():
-        got = saved[1].records[part]
-        for name in (*want.columns, *(name for name in others if hasattr(want, name))):
-            values = [getattr(one, name) for one in (got, want)]
-            if name == "vector_n_m" and want.measured == "heading":  # level at the vehicle
-                values = [one.heading_rad for one in (got, want)]
-            np.testing.assert_allclose(*values, rtol=1e-10, atol=UM, err_msg=f"{part} {name}")
-    assert saved[1].records.keys() == saved[0].records.keys()
-    kinds = [(one.antennas, one.measured, one.unstated) for one in saved[1].baselines]
-    assert kinds == [(one.antennas, one.measured, one.unstated) for one in saved[0].baselines]
-
-
-def test_settings_come_back(saved):
-    want, got = saved[:2]
-    assert (got.name, got.start_gps_s) == (want.name, want.start_gps_s)
-    assert got.gnss_noise == want.gnss_noise
-    assert got.elevation_mask_rad == pytest.approx(want.elevation_mask_rad, abs=1e-15)
-    assert [a.name for a in got.antennas] == [a.name for a in want.antennas]
-    for a, b in zip(got.antennas, want.antennas, strict=True):
-        np.testing.assert_array_equal(a.position_b_m, b.position_b_m)
-    assert got.origin.latitude_rad == pytest.approx(want.origin.latitude_rad, abs=1e-15)
-    np.testing.assert_array_equal(got.base.position_e_m, want.base.position_e_m)
-    scalars = ("detector_radius_m", "focal_length_m")
-    assert all(
-        getattr(got.photodetector, name) == getattr(want.photodetector, name) for name in scalars
-    )
-    assert got.imu.gyroscope_bias_walk_radps_per_sqrt_s == 1e-5
-    for part, names in {
-        "barometer": ("noise_m", "offset_m", "wander_m", "wander_time_s"),
-        "magnetometer": ("noise_ut", "hard_iron_ut"),
-    }.items():
-        one, other = getattr(got, part), getattr(want, part)
-        assert all(getattr(one, name) == getattr(other, name) for name in names)
-    assert not got.losses
+def test_every_field_comes_back_within_the_digits(saved):
+    assert_same(saved[1], saved[0], "flight")
+    assert saved[1].losses == ()
 
 
 def test_antenna_names_that_are_no_file_names_are_written(saved):
     names = {path.name for path in saved[2].iterdir()}
     assert {"a1.rnx", "antenna-2.rnx", "base.rnx", "antenna-3.rnx"} <= names
-
-
-def test_folder_and_its_toml_are_the_same_flight(tmp_path):
-    write(tmp_path, PLAIN)
-    assert load_flight(tmp_path).name == load_flight(str(tmp_path / "flight.toml")).name == "plain"
-
-
-def test_what_made_the_truth_is_kept(saved):
-    assert saved[1].truth.source == saved[0].truth.source == "filter"
 
 
 def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
@@ -134,31 +110,19 @@ def test_truth_in_files_refers_to_the_axes_at_the_vehicle(saved):
     np.testing.assert_allclose(np.radians(row[7:10]), to_euler((R_ne @ R_eb)[None])[0], atol=1e-12)
 
 
+HEAD = "t_s,latitude_deg,longitude_deg,height_m"
+
+
 def test_fixes_without_sigma_have_the_documented_ones(tmp_path):
-    rows = "t_s,latitude_deg,longitude_deg,height_m,vn_mps,ve_mps,vd_mps\n0,40,-4,700,1,2,3\n"
+    rows = f"{HEAD},vn_mps,ve_mps,vd_mps\n0,40,-4,700,1,2,3\n"
     got = load_flight(write(tmp_path, PLAIN + FIXES, f_csv=rows)).fixes[0]
     np.testing.assert_allclose(got.p_n_m, 0, atol=UM)
     assert got.position_sigma_m.tolist() == [[3, 3, 5]]
     assert got.velocity_sigma_mps.tolist() == [[0.1, 0.1, 0.1]]
     np.testing.assert_allclose(got.v_n_mps, [[1, 2, 3]], atol=1e-9)
-
-
-def test_fixes_without_velocity_have_none(tmp_path):
-    rows = (
-        "t_s,latitude_deg,longitude_deg,height_m,sigma_n_m,sigma_e_m,sigma_d_m\n0,40,-4,700,1,2,3\n"
-    )
-    got = load_flight(write(tmp_path, PLAIN + FIXES, f_csv=rows)).fixes[0]
-    assert got.v_n_mps is got.velocity_sigma_mps is None
-    assert got.position_sigma_m.tolist() == [[1, 2, 3]]
-
-
-def test_sigma_of_velocity_needs_velocity(tmp_path):
-    rows = "t_s,latitude_deg,longitude_deg,height_m,sigma_vn_mps,sigma_ve_mps,sigma_vd_mps\n"
-    folder = write(tmp_path, PLAIN + FIXES, f_csv=rows + "0,40,-4,700,1,1,1\n")
-    with pytest.raises(
-        BadInputError, match=r"f.csv: line 1: sigma_vn_mps needs vn_mps, ve_mps, vd_m"
-    ):
-        load_flight(folder)
+    rows = f"{HEAD},sigma_vn_mps,sigma_ve_mps,sigma_vd_mps\n0,40,-4,700,1,1,1\n"
+    with pytest.raises(BadInputError, match=r"f.csv: line 1: sigma_vn_mps needs vn_mps, ve_mps, v"):
+        load_flight(write(tmp_path, PLAIN + FIXES, f_csv=rows))
 
 
 ANTENNA = '[[antenna]]\nname = "{0}"\nposition_b_m = [0, 0, 0]\nobservations = "{0}.rnx"\n'
@@ -167,46 +131,28 @@ GNSS = '[gnss]\nnavigation = ["n.rnx"]\n'
 FILES = {"a_rnx": observation_3(), "b_rnx": observation_3(), "n_rnx": navigation_head() + message()}
 
 
-def test_two_antennas_and_their_losses_are_read(tmp_path):
-    got = load_flight(write(tmp_path, PLAIN + TWO + GNSS, **FILES))
-    assert got.start_gps_s == START_GPS_S
-    assert got.observations.code_m.shape == (4, 2, 10)
-    assert got.losses == ()
+BASE = 'base = { observations = "a.rnx", position_e_m = [0, 0, 0] }\n'
+ALONE = TWO.replace('observations = "b.rnx"\n', "")
+TWICE = ANTENNA.format("a") * 2
 
 
 @pytest.mark.parametrize(
     ("toml", "rule"),
     [
-        (PLAIN + TWO, "flight.toml: gnss: observations need navigation or orbits files"),
-        (
-            PLAIN + TWO.replace('observations = "b.rnx"\n', "") + GNSS,
-            "antenna b: observations must be given for all antennas or for none",
-        ),
-        (
-            PLAIN + ANTENNA.format("a") * 2 + GNSS,
-            "flight.toml: antenna a: two antennas have this name",
-        ),
-        (PLAIN + TWO + GNSS.replace("n.rnx", "m.rnx"), "m.rnx: no such file"),
-        (PLAIN + TWO.replace("b.rnx", "c.rnx") + GNSS, "c.rnx: no such file"),
-        (
-            PLAIN + TWO + GNSS + "elevation_mask_deg = 95.0\n",
-            "flight.toml: elevation_mask_deg: must be",
-        ),
-        (
-            PLAIN + TWO + GNSS + "code_noise_m = -1.0\n",
-            "flight.toml: gnss noise code_m: must be positive",
-        ),
-        (PLAIN.replace("40.0", "95.0"), "flight.toml: latitude: must be within"),
-        (PLAIN + FIXES.replace('antenna = "a1"', 'antenna = "a2"'), "f.csv: no such file"),
-        (
-            PLAIN + GNSS + 'base = { observations = "a.rnx", position_e_m = [0, 0, 0] }\n',
-            "key gnss.base: needs antennas with observations",
-        ),
+        (TWO, "flight.toml: gnss: observations need navigation or orbits files"),
+        (ALONE + GNSS, "antenna b: observations must be given for all antennas or for none"),
+        (TWICE + GNSS, "flight.toml: antenna a: two antennas have this name"),
+        (TWO + GNSS.replace("n.rnx", "m.rnx"), "m.rnx: no such file"),
+        (TWO.replace("b.rnx", "c.rnx") + GNSS, "c.rnx: no such file"),
+        (TWO + GNSS + "elevation_mask_deg = 95.0\n", "flight.toml: elevation_mask_deg: must be"),
+        (TWO + GNSS + "code_noise_m = -1.0\n", "gnss noise code_m: must be positive"),
+        (FIXES.replace('antenna = "a1"', 'antenna = "a2"'), "f.csv: no such file"),
+        (GNSS + BASE, "key gnss.base: needs antennas with observations"),
     ],
 )
 def test_faults_of_a_flight_are_named(tmp_path, toml, rule):
     with pytest.raises(BadInputError, match=rule) as caught:
-        load_flight(write(tmp_path, toml, **FILES))
+        load_flight(write(tmp_path, PLAIN + toml, **FILES))
     assert "\n" not in str(caught.value)
 
 
@@ -232,13 +178,6 @@ def load_flight_of(folder):
     return load_flight(write(folder, PLAIN))
 
 
-def test_empty_folder_is_taken(tmp_path):
-    flight = load_flight_of(tmp_path / "source")
-    (tmp_path / "empty").mkdir()
-    save_flight(flight, tmp_path / "empty")
-    assert load_flight(tmp_path / "empty").name == "plain"
-
-
 def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, monkeypatch):
     def fail(*_: object) -> None:
         raise BadInputError("disk full")
@@ -247,12 +186,6 @@ def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, mon
     with pytest.raises(BadInputError, match="disk full"):
         save_flight(saved[0], tmp_path / "deep" / "new")
     assert list((tmp_path / "deep").iterdir()) == []
-
-
-def test_place_that_cannot_be_made_is_named(saved, tmp_path):
-    (tmp_path / "file").write_text("x")
-    with pytest.raises(BadInputError, match="file: is a file, not a folder; name another place"):
-        save_flight(saved[0], tmp_path / "file" / "new")
 
 
 def test_same_flight_gives_the_same_bytes(saved, tmp_path):
@@ -283,51 +216,15 @@ def test_a_table_that_nothing_names_any_more_is_a_counted_loss(saved, copy):
     assert lost["truth.csv row"].reason == "rows in flight.toml has it, no table names it"
 
 
-def test_more_rows_than_were_written_are_refused(copy):
-    path = copy / "barometer.csv"
-    path.write_text(path.read_text() + "99.0,700.0\n")
-    with pytest.raises(BadInputError, match=r"rows\.barometer\.csv: 7 rows were .* holds 8"):
-        load_flight(copy)
-
-
-@pytest.mark.parametrize(
-    ("name", "shift_s", "text"),
-    [
-        (
-            "imu.csv",
-            604_800.0,
-            r"imu: row 7 of the samples has 604801\.5 s after 1\.25 s",
-        ),
-        ("magnetometer.csv", 5e9, r"magnetometer: row 7 of the samples has 5"),
-    ],
-)
-def test_one_bad_time_stamp_is_refused_before_anything_is_made_of_it(copy, name, shift_s, text):
-    path = copy / name
+def test_one_bad_time_stamp_is_refused_before_anything_is_made_of_it(copy):
+    path = copy / "imu.csv"
     *lines, last = path.read_text().splitlines()
     t_s, comma, rest = last.partition(",")
-    path.write_text("\n".join([*lines, f"{float(t_s) + shift_s}{comma}{rest}"]) + "\n")
-    with pytest.raises(BadInputError, match=text):
-        load_flight(copy)
-
-
-def test_a_series_of_another_week_is_refused(copy):
-    path = copy / "imu.csv"
-    head, *lines = path.read_text().splitlines()
-    rows = [line.partition(",") for line in lines]
-    moved = [f"{float(t_s) - 604_800.0}{comma}{rest}" for t_s, comma, rest in rows]
-    path.write_text("\n".join([head, *moved]) + "\n")
-    with pytest.raises(BadInputError, match=r"imu: times .* lie 6.* s apart from those of obs"):
+    path.write_text("\n".join([*lines, f"{float(t_s) + 604_800}{comma}{rest}"]) + "\n")
+    with pytest.raises(BadInputError, match=r"row 7 of the samples has 604801\.5 s after 1\.25"):
         load_flight(copy)
 
 
 def test_the_files_of_a_flight_are_listed(copy):
     names = {path.name for path in files_of(copy)}
     assert names == {path.name for path in copy.iterdir()}
-
-
-@pytest.mark.parametrize("text", ["a\rb", "a\0b", "\x1b[31m"])
-def test_control_characters_in_integers_are_named(copy, text):
-    path = copy / "integers.csv"
-    path.write_text(path.read_text().replace("a1", text, 1))
-    with pytest.raises(BadInputError, match=r"integers\.csv: line 2: must be plain text"):
-        load_flight(copy)

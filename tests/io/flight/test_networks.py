@@ -47,12 +47,6 @@ def test_what_is_no_manifest_is_refused_in_one_line(tmp_path, manifests, text):
     assert "\n" not in str(raised.value)
 
 
-def test_a_key_that_nobody_knows_is_named(tmp_path):
-    folder = write(tmp_path, PLAIN + '[[network]]\nonnx = "net.onnx"\n')
-    with pytest.raises(BadInputError, match=r"key network\[0\].onnx: unknown; .* network\[0\].man"):
-        load_flight(folder)
-
-
 def test_a_flight_whose_network_is_gone_cannot_be_written(tmp_path):
     manifest = graphs.heading(tmp_path)
     flight = load_flight(brought(tmp_path, "net.json"))

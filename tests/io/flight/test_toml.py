@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.flight.toml import (
-    gps_date,
-    gps_seconds,
-    read_flight_toml,
-)
+from fgnav.io.flight.toml import gps_date, gps_seconds, read_flight_toml
 from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import InitialAttitude
 
@@ -54,37 +50,19 @@ def test_tables_are_read_and_written_back(tmp_path):
         (GOOD.replace('format = "fgnav-flight/1"', ""), "key format: must be .*, got None"),
         (
             GOOD.replace("height_m", "heigth_m"),
-            "key origin.heigth_m: unknown; the nearest known key is origin.height_m",
+            "heigth_m: unknown; .* key is origin.height_m",
         ),
-        (
-            GOOD.replace('name = "a1"', 'nam = "a1"'),
-            r"key antenna\[0\].nam: unknown; .* antenna\[0\].name",
-        ),
+        (GOOD.replace('name = "a1"', 'nam = "a1"'), r"antenna\[0\].nam: unknown; .*\[0\].name"),
         (GOOD.replace("[gnss]", "[gns]"), "key gns: unknown; the nearest known key is gnss"),
-        (
-            GOOD.replace("position_e_m", "position_n_m"),
-            "key gnss.base.position_n_m: unknown; the near",
-        ),
+        (GOOD.replace("position_e_m", "position_n_m"), "key gnss.base.position_n_m: unknown"),
         (GOOD.replace('name = "a1"\n', ""), r"key antenna\[0\]: 'name' is missing; add it"),
         (GOOD.replace('name = "n"\n', ""), "key top level: 'name' is missing; add it"),
         (GOOD.replace("40.33", '"40.33"'), "key origin.latitude_deg: must be float, got str"),
         (GOOD.replace("40.33", "nan"), "key origin.latitude_deg: must be finite, got nan"),
-        (
-            GOOD.replace("1e-3", "-inf"),
-            r"key antenna\[0\].position_b_m\[2\]: must be finite, got -inf",
-        ),
-        (
-            GOOD.replace(", 1e-3", ""),
-            r"key antenna\[0\].position_b_m: must be array of length 3, got 2",
-        ),
-        (
-            GOOD.replace('"uniform"', '"cosine"'),
-            "key gnss.elevation_weights: must be sine or uniform, got 'cosine'",
-        ),
-        (
-            GOOD.replace('"2020-06-25T00:00:00"', "2020-06-25T00:00:00"),
-            "key start: must be str, got",
-        ),
+        (GOOD.replace("1e-3", "-inf"), r"\[0\].position_b_m\[2\]: must be finite, got -inf"),
+        (GOOD.replace(", 1e-3", ""), r"\[0\].position_b_m: must be array of length 3, got 2"),
+        (GOOD.replace('"uniform"', '"cosine"'), "must be sine or uniform, got 'cosine'"),
+        (GOOD.replace('"2020-06-25T00:00:00"', "2020-06-25"), "key start: must be str, got"),
     ],
 )
 def test_faults_are_named_with_key_rule_and_value(tmp_path, text, rule):

@@ -76,17 +76,3 @@ def test_separators_minutes_and_cut_rows(tmp_path, text, losses):
 def test_what_is_wrong_is_one_line(tmp_path, capsys, text, rule):
     (tmp_path / "a.pos").write_text(text)
     assert rule in refused(capsys, tmp_path, tmp_path / "a.pos", "--format", "pos")
-
-
-def test_what_fgnav_exports_is_read_again(tmp_path):
-    from fgnav.io.exports import exporter_named
-    from tests.product.test_exports import ORIGIN, made
-
-    estimate = made()
-    exporter_named("pos")(estimate, tmp_path / "e.pos")
-    _, flight = imported(tmp_path, "pos", tmp_path / "e.pos")
-    p_e_m = ORIGIN.to_e(estimate.estimate.p_n_m)
-    np.testing.assert_allclose(flight.origin.to_e(flight.fixes[0].p_n_m), p_e_m, rtol=0, atol=2e-4)
-    # Positions lie up to a kilometre from the origins, whose axes differ by less than 1e-3.
-    speed = np.linalg.norm(estimate.estimate.v_n_mps, axis=1)
-    np.testing.assert_allclose(np.linalg.norm(flight.fixes[0].v_n_mps, axis=1), speed, atol=1e-4)

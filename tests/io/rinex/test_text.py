@@ -10,7 +10,7 @@ from ncompress import compress
 
 from fgnav.checks import BadInputError
 from fgnav.io.rinex.reader import read_rinex
-from fgnav.io.rinex.text import read_bytes, read_text
+from fgnav.io.rinex.text import read_text
 from tests.io.rinex_texts import observation_2, observation_3
 
 PLAIN = observation_3().encode()
@@ -27,12 +27,6 @@ def test_plain_gzip_and_hatanaka_give_the_same_text(tmp_path):
         text = read_text(path)
         body = b"".join(line.rstrip() + b"\n" for line in text.tobytes().splitlines())
         assert body == b"".join(line.rstrip() + b"\n" for line in PLAIN.splitlines())
-
-
-def test_packing_is_told_by_content_not_by_name(tmp_path):
-    path = tmp_path / "a.rnx"
-    path.write_bytes(gzip.compress(PLAIN))
-    assert read_text(path).tobytes() == PLAIN
 
 
 @pytest.mark.parametrize(
@@ -73,17 +67,3 @@ def test_a_cut_hatanaka_file_is_read_to_its_last_whole_epoch(tmp_path, made):
         (loss,) = got.losses
         assert (loss.what, loss.count) == ("a.crx epoch", 1)
         assert loss.reason.startswith("cut at the end of the file")
-
-
-def test_missing_and_unreadable_files_are_named(tmp_path):
-    with pytest.raises(BadInputError, match=r"none.rnx: no such file; check the name"):
-        read_bytes(tmp_path / "none.rnx")
-    with pytest.raises(BadInputError, match="must be a regular file, is a folder"):
-        read_bytes(tmp_path)
-
-
-def test_text_is_read_only(tmp_path):
-    path = tmp_path / "a.rnx"
-    path.write_bytes(PLAIN)
-    assert not read_text(path).flags.writeable
-    assert read_text(path).dtype == np.uint8

@@ -11,74 +11,54 @@ from fgnav.io.rinex.writer import write_navigation, write_observations
 from tests.io.flights import START_GPS_S, broadcast, observations
 from tests.io.rinex_texts import values_3
 
-P_E_M = np.array([4e6, 1e6, 4.8e6])
+PLACE = {"start_gps_s": START_GPS_S, "marker": "a1", "position_e_m": np.array([4e6, 1e6, 4.8e6])}
 
 
-def write(tmp_path, obs, antenna=0, version="3.04", start_gps_s=START_GPS_S):
-    path = tmp_path / "a.rnx"
-    write_observations(
-        path,
-        obs,
-        antenna,
-        start_gps_s=start_gps_s,
-        marker="a1",
-        position_e_m=P_E_M,
-        version=version,
-    )
-    return path
+def write(tmp_path, obs, antenna=0, version="3.04"):
+    write_observations(tmp_path / "a.rnx", obs, antenna, **PLACE, version=version)
+    return tmp_path / "a.rnx"
 
 
-def single(code_m, phase_cycles=np.nan, doppler_hz=np.nan, cn0_dbhz=np.nan, lock=0, tag_s=0.0):
-    """Return one epoch of one channel."""
+def single(*values, lock=0, tag_s=0.0):
+    """Return one epoch of one channel: code, phase, Doppler and density as far as stated."""
     obs = observations(np.random.default_rng(1), antennas=1, epochs=1)
-    pick = {"code_m": code_m, "phase_cycles": phase_cycles, "doppler_hz": doppler_hz}
-    arrays = {name: np.full((1, 1, 1), value) for name, value in pick.items()}
-    return replace(
-        obs,
-        t_s=np.array([tag_s]),
-        tag_s=np.array([[tag_s]]),
-        satellites=("G05",),
-        signals=("1C",),
-        cn0_dbhz=np.full((1, 1, 1), cn0_dbhz, np.float32),
-        lock_flags=np.full((1, 1, 1), lock, np.uint8),
-        **arrays,
-    )
+    names = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz")
+    values = (*values, *[np.nan] * (4 - len(values)))
+    arrays = {n: np.full((1, 1, 1), x, np.float64) for n, x in zip(names, values, strict=True)}
+    flags, t_s = np.full((1, 1, 1), lock, np.uint8), np.array([tag_s])
+    channel = {"satellites": ("G05",), "signals": ("1C",)}
+    return replace(obs, t_s=t_s, tag_s=t_s[:, None], lock_flags=flags, **channel, **arrays)
 
 
-def body(path):
-    return path.read_text().split("END OF HEADER\n")[1].splitlines()
-
-
-def test_epoch_and_fields_stand_in_their_columns(tmp_path):
-    obs = single(23456789.123, -1234567.5, -0.25, 45.5, lock=3, tag_s=3661.1234567)
-    assert body(write(tmp_path, obs)) == [
-        "> 2020 06 25 01 01  1.1234567  0  1",
-        "G05  23456789.123    -1234567.5003         -0.250          45.500",
-    ]
-
-
-def test_seconds_that_round_up_carry_into_the_minute(tmp_path):
-    assert (
-        body(write(tmp_path, single(1.0, tag_s=59.99999999)))[0]
-        == "> 2020 06 25 00 01  0.0000000  0  1"
-    )
-
-
-def test_gaps_are_blank_and_trailing_ones_are_left_out(tmp_path):
-    assert body(write(tmp_path, single(np.nan, 1.5)))[1] == "G05" + " " * 16 + "         1.500"
-    assert body(write(tmp_path, single(np.nan)))[0].endswith("  0")
-    assert body(write(tmp_path, single(np.nan, lock=1)))[1] == "G05" + " " * 30 + "1"
-
-
-def test_value_that_rounds_to_zero_is_not_lost(tmp_path):
-    path = write(tmp_path, single(2e7, 1e-5, -1e-4, 0.0))
-    assert body(path)[1] == "G05  20000000.000           0.001          -0.001           0.001"
-    got = read_rinex([], [path], START_GPS_S)[1][0]
-    assert got.doppler_hz[0, 0, 0] == -0.001
+@pytest.mark.parametrize(
+    ("obs", "lines"),
+    [
+        (
+            single(23456789.123, -1234567.5, -0.25, 45.5, lock=3, tag_s=3661.1234567),
+            [
+                "> 2020 06 25 01 01  1.1234567  0  1",
+                "G05  23456789.123    -1234567.5003         -0.250          45.500",
+            ],
+        ),
+        (single(1.0, tag_s=59.99999999), ["> 2020 06 25 00 01  0.0000000  0  1", "G05 {:13.3f}"]),
+        (single(np.nan, 1.5), [..., "G05" + " " * 16 + "         1.500"]),
+        (single(np.nan), ["> 2020 06 25 00 00  0.0000000  0  0"]),
+        (single(np.nan, lock=1), [..., "G05" + " " * 30 + "1"]),
+        (  # zero means not measured
+            single(2e7, 1e-5, -1e-4, 0.0),
+            [..., "G05  20000000.000           0.001          -0.001           0.001"],
+        ),
+    ],
+)
+def test_epochs_and_fields_stand_in_their_columns(tmp_path, obs, lines):
+    body = write(tmp_path, obs).read_text().split("END OF HEADER\n")[1].splitlines()
+    assert len(body) == len(lines)
+    for got, want in zip(body, lines, strict=True):
+        assert want is ... or got == want.format(1.0)
 
 
 @pytest.mark.parametrize("version", ["3.04", "4.00"])
-def test_both_versions_hold_every_value(tmp_path, version):
+def test_both_versions_hold_every_value_and_message(tmp_path, shared, version):
     obs = observations(np.random.default_rng(4))
     path = write(tmp_path, obs, antenna=1, version=version)
     held = values_3(path.read_text())
@@ -88,6 +68,13 @@ def test_both_versions_hold_every_value(tmp_path, version):
             want = [obs.code_m[n, 1, m], obs.phase_cycles[n, 1, m], obs.doppler_hz[n, 1, m]]
             np.testing.assert_array_equal(row[:3], want)
     assert read_rinex([], [path], START_GPS_S)[1][0].code_m.shape == (5, 1, 6)
+    orbits = [shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"]
+    want = read_navigation(orbits, START_GPS_S)
+    write_navigation(tmp_path / "n.rnx", want, start_gps_s=START_GPS_S, version=version)
+    got = read_navigation([tmp_path / "n.rnx"], START_GPS_S)
+    for name in want.records.dtype.names[1:]:
+        np.testing.assert_allclose(got.records[name], want.records[name], rtol=1e-12, atol=1e-6)
+    np.testing.assert_allclose(got.klobuchar, want.klobuchar, rtol=1e-4)
 
 
 def test_long_file_is_written_in_parts(tmp_path):
@@ -96,90 +83,26 @@ def test_long_file_is_written_in_parts(tmp_path):
     np.testing.assert_array_equal(got.phase_cycles, obs.phase_cycles)
 
 
-def test_truncated_file_of_ours_is_noticed_at_any_epoch(tmp_path):
-    path = write(tmp_path, observations(np.random.default_rng(4), antennas=1, epochs=9))
-    text = path.read_text()
-    path.write_text(text[: text.rindex(">")])
-    losses = [
-        loss for loss in read_rinex([], [path], START_GPS_S)[1][0].losses if "epoch" in loss.what
-    ]
-    assert [loss.count for loss in losses] == [1]
-
-
-def test_values_too_wide_are_refused(tmp_path):
-    with pytest.raises(BadInputError, match=r"values must be within 999999999.999"):
-        write(tmp_path, single(2e7, -1e9))
-
-
-def test_unknown_version_and_constellation_are_refused(tmp_path):
-    with pytest.raises(BadInputError, match=r"RINEX version: must be 3.04 or 4.00, got '2.11'"):
-        write(tmp_path, single(1.0), version="2.11")
-    with pytest.raises(BadInputError, match="satellite must be of C, E, G, J, R, got S01"):
-        write(tmp_path, replace(single(1.0), satellites=("S01",)))
-
-
-def test_broadcast_messages_come_back_in_every_constellation(tmp_path):
-    write_navigation(tmp_path / "n.rnx", broadcast(), start_gps_s=START_GPS_S)
-    got = read_navigation([tmp_path / "n.rnx"], START_GPS_S)
-    want = broadcast().records
-    for name in want.dtype.names[1:]:
-        np.testing.assert_allclose(
-            got.records[name], want[name], rtol=1e-12, atol=1e-6, err_msg=name
-        )
-    assert not got.losses
-
-
-def test_real_messages_survive_being_written(tmp_path, shared):
-    want = read_navigation([shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"], START_GPS_S)
-    write_navigation(tmp_path / "n.rnx", want, start_gps_s=START_GPS_S)
-    got = read_navigation([tmp_path / "n.rnx"], START_GPS_S)
-    for name in want.records.dtype.names[1:]:
-        np.testing.assert_allclose(got.records[name], want.records[name], rtol=1e-12, atol=1e-6)
-
-
-def test_messages_of_rinex_4_are_those_of_rinex_3(tmp_path):
-    orbits = replace(broadcast(), klobuchar=np.arange(1, 9) * 1.25e-8)
-    got = []
-    for version in ("3.04", "4.00"):
-        path = tmp_path / f"{version}.rnx"
-        write_navigation(path, orbits, start_gps_s=START_GPS_S, version=version)
-        got.append(read_navigation([path], START_GPS_S))
-    for name in orbits.records.dtype.names:
-        np.testing.assert_array_equal(got[0].records[name], got[1].records[name], err_msg=name)
-    np.testing.assert_allclose(got[1].klobuchar, orbits.klobuchar, rtol=1e-12)
-    np.testing.assert_allclose(got[0].klobuchar, orbits.klobuchar, rtol=1e-4)  # four digits
-
-
-def test_rinex_4_names_the_kind_of_each_message(tmp_path):
-    orbits = broadcast()
-    records = np.concatenate([orbits.records, orbits.records[:2]])
-    records["satellite"][[0, 4]] = "C03", "C60"
-    records["data_source"][[1, 5]] = 517, 258
-    orbits = replace(orbits, records=records)
-    write_navigation(tmp_path / "n.rnx", orbits, start_gps_s=START_GPS_S, version="4.00")
-    heads = [row for row in (tmp_path / "n.rnx").read_text().splitlines() if row[0] == ">"]
-    assert set(heads) == {
-        "> EPH C03 D2",
-        "> EPH C60 D2",
-        "> EPH E07 INAV",
-        "> EPH E07 FNAV",
-        "> EPH G05 LNAV",
-        "> EPH J02 LNAV",
-        "> ION G01 LNAV",
-    }
-    assert heads[-1] == "> ION G01 LNAV"
-
-
-def test_unknown_version_of_messages_is_refused(tmp_path):
-    with pytest.raises(BadInputError, match=r"RINEX version: must be 3.04 or 4.00, got '3.05'"):
-        write_navigation(tmp_path / "n", broadcast(), start_gps_s=START_GPS_S, version="3.05")
-    assert not list(tmp_path.iterdir())
+@pytest.mark.parametrize(
+    ("obs", "version", "rule"),
+    [
+        (single(2e7, -1e9), "3.04", "values must be within 999999999.999"),
+        (single(1.0), "2.11", "RINEX version: must be 3.04 or 4.00, got '2.11'"),
+        (
+            replace(single(1.0), satellites=("S01",)),
+            "3.04",
+            "satellite must be of G, R, E, C, J, got S01",
+        ),
+    ],
+)
+def test_what_rinex_cannot_hold_is_refused(tmp_path, obs, version, rule):
+    with pytest.raises(BadInputError, match=rule):
+        write(tmp_path, obs, version=version)
 
 
 def test_clock_time_between_seconds_is_refused(tmp_path):
     records = broadcast().records.copy()
     records["toc_s"] += 0.5
+    orbits = replace(broadcast(), records=records)
     with pytest.raises(BadInputError, match=r"time of clock must be a whole second, got .*.500000"):
-        write_navigation(
-            tmp_path / "n.rnx", replace(broadcast(), records=records), start_gps_s=START_GPS_S
-        )
+        write_navigation(tmp_path / "n.rnx", orbits, start_gps_s=START_GPS_S)

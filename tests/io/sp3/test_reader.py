@@ -48,19 +48,26 @@ def test_written_orbits_are_read_back_within_the_digits(tmp_path):
     assert not got.losses
 
 
-def test_sp3_c_gzip_and_beidou_time_are_read(tmp_path, text):
-    path = tmp_path / "a.sp3.gz"
-    path.write_bytes(gzip.compress(text.replace("#d", "#c").replace("cc GPS", "cc BDT").encode()))
-    np.testing.assert_allclose(read_precise([path], START_GPS_S).t_s, [14, 314, 614], atol=1e-6)
-
-
-def test_velocities_and_other_constellations_are_counted(tmp_path, text):
+@pytest.mark.parametrize(
+    ("old", "new", "later_s", "losses"),
+    [
+        ("cc GPS", "cc BDT", 14, {}),
+        ("cc GPS", "cc UTC", 18, {}),
+        ("C11", "S11", 0, {"SBAS orbit": 3}),
+        ("C11", "L11", 0, {"low satellites' orbit": 3}),
+    ],
+)
+def test_time_scales_versions_velocities_and_other_satellites(
+    tmp_path, text, old, new, later_s, losses
+):
     lines = []
-    for line in text.replace("C11", "S11").splitlines(keepends=True):
+    for line in text.replace(old, new).replace("#d", "#c").splitlines(keepends=True):
         lines += [line, "V" + line[1:]] if line.startswith("P") else [line]
-    got = read(tmp_path, "".join(lines))
-    assert got.satellites == ("E07", "G05")
-    assert {loss.what: loss.count for loss in got.losses} == {"SBAS orbit": 3, "SP3 velocity": 9}
+    (tmp_path / "a.sp3.gz").write_bytes(gzip.compress("".join(lines).encode()))
+    got = read_precise([tmp_path / "a.sp3.gz"], START_GPS_S)
+    np.testing.assert_allclose(got.t_s, np.array([0, 300, 600]) + later_s, atol=1e-6)
+    assert got.satellites == (() if losses else ("C11",)) + ("E07", "G05")
+    assert {loss.what: loss.count for loss in got.losses} == losses | {"SP3 velocity": 9}
 
 
 def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
@@ -84,12 +91,6 @@ def test_sp3_a_names_gps_by_numbers(tmp_path, letter):
     got = read(tmp_path, text.replace("G0", "  ").replace("G12", " 12"))
     assert got.satellites == ("G05", "G07", "G12")
     np.testing.assert_allclose(got.p_e_m[0], orbits().p_e_m[0], atol=0.6 * MM)
-
-
-def test_low_satellites_and_utc_are_told(tmp_path, text):
-    got = read(tmp_path, text.replace("C11", "L11").replace("cc GPS", "cc UTC"))
-    assert [(one.what, one.count) for one in got.losses] == [("low satellites' orbit", 3)]
-    np.testing.assert_allclose(got.t_s, [18, 318, 618], atol=1e-6)
 
 
 RECORD = "a.sp3 record: no four numbers with six decimals, or no satellite of the header, or twice"
@@ -138,11 +139,6 @@ def test_what_is_not_whole_is_counted(tmp_path, text, damage, epochs, lost):
 def test_faults_of_a_header_are_named(tmp_path, text, damage, rule):
     with pytest.raises(BadInputError, match=rule):
         read(tmp_path, damage(text))
-
-
-def test_empty_list_of_files_is_named():
-    with pytest.raises(BadInputError, match="orbits: must name a file"):
-        read_precise([], START_GPS_S)
 
 
 def test_real_file_is_read_as_it_stands(shared):

@@ -1,6 +1,4 @@
-"""Right flights of 12 s, their paths, swings and noise drawn from a seed."""
-
-from pathlib import Path
+"""Right flights, their paths, swings and noise drawn from a seed."""
 
 import msgspec
 import numpy as np
@@ -9,20 +7,17 @@ from fgnav.types.flight import Flight
 from fgnav_sim.motion import Motion, Sine
 from fgnav_sim.scenario import FixesTable, load_scenario
 from fgnav_sim.simulate import simulate
-from tests.robustness.drawn.draws import DURATION_S
 
-SCENARIOS = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "scenarios"
+DURATION_S = 12.0  # of most
 RATE_HZ = 50.0
 ANTENNAS_B_M = ((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.1), (0.3, -0.8, 0.0))
 KINDS = ("array", "fixes", "instruments", "raw", "photodetector")
 
 
-def right_flight(kind: str, seed: int) -> Flight:
+def right_flight(kind: str, seed: int, duration_s: float = DURATION_S) -> Flight:
     """Return a flight of a kind of ``KINDS``, its path, its swings and all its noise drawn."""
     rng = np.random.default_rng([92, seed])
-    demo, surroundings, approach = (
-        load_scenario(SCENARIOS / f"{name}.toml") for name in ("demo", "surroundings", "approach")
-    )
+    demo, surroundings, approach = map(load_scenario, ("demo", "surroundings", "approach"))
     change = msgspec.structs.replace
     swing = {"amplitude_deg": rng.uniform(8.0, 25.0)}
     motion = Motion(
@@ -33,7 +28,7 @@ def right_flight(kind: str, seed: int) -> Flight:
     )
     accelerometer = change(demo.imu, rate_hz=RATE_HZ)
     both = change(surroundings.imu, rate_hz=RATE_HZ)
-    base = change(demo, duration_s=DURATION_S, motion=motion, imu=accelerometer)
+    base = change(demo, duration_s=duration_s, motion=motion, imu=accelerometer)
     one = ((0.3, 0.0, -0.2),)
     gnss = change(demo.gnss, rate_hz=5.0)
     scenario = {
@@ -47,7 +42,7 @@ def right_flight(kind: str, seed: int) -> Flight:
         ),
         "raw": change(base, antennas_b_m=one, gnss=gnss, imu=both),
         "photodetector": change(
-            approach, duration_s=DURATION_S, antennas_b_m=ANTENNAS_B_M, gnss=gnss,
+            approach, duration_s=duration_s, antennas_b_m=ANTENNAS_B_M, gnss=gnss,
             imu=accelerometer, photodetector=change(approach.photodetector, range_m=2e4),
         ),
     }[kind]  # fmt: skip

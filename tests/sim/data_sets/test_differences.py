@@ -6,7 +6,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.checks import BadInputError
-from fgnav.integers.resolvers.truth import true_integers
 from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets.epochs import array_epochs
 from fgnav_sim.data_sets.world import (
@@ -44,13 +43,6 @@ def test_double_differences_are_those_of_the_links():
                 continue
             single = epochs.phase_m[k, 1:] - epochs.phase_m[k, 0]
             assert_allclose(differences.phase_m[k, :, j], single[:, j] - single[:, r], atol=1e-9)
-
-
-def test_true_integers_are_what_the_true_attitude_rounds_to():
-    epochs, differences = drawn()
-    cycles = true_cycles(epochs, differences)
-    assert_array_equal(cycles, true_integers(differences, epochs.R_nb))
-    assert np.abs(cycles).max() > 1000
 
 
 def test_residuals_of_the_true_integers_fill_the_stated_covariance():

@@ -93,13 +93,6 @@ def test_satellites_stand_in_slots_of_their_constellation_and_signal():
     assert_allclose(epochs.wavelength_m[[0, 7, 14]], [0.190294, 0.254828, 0.190294], atol=1e-6)
 
 
-def test_same_seed_same_epochs_and_another_seed_others():
-    first, again, other = drawn(HONEST), drawn(HONEST), drawn(HONEST, seed=2)
-    for name in ("code_m", "phase_m", "integers", "R_nb", "satellites", "antennas_b_m"):
-        assert_array_equal(getattr(first, name), getattr(again, name))
-    assert not np.array_equal(first.code_m, other.code_m)
-
-
 def test_a_run_keeps_place_array_integers_and_noise_level():
     world = msgspec.structs.replace(HONEST, runs=RunsTable(epochs=5, step_s=1.0))
     epochs = drawn(world, 50)

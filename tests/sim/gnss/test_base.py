@@ -1,13 +1,10 @@
 """A base on the ground: there where the scenario says, and no disturbance to the vehicle."""
 
 import numpy as np
-import pytest
 
-from fgnav.checks import BadInputError
 from fgnav.geometry.earth import geodetic
 from fgnav.gnss.signals import wavelengths_m
 from fgnav.io.flight.folder import load_flight, save_flight
-from fgnav_sim.scenario import load_scenario
 from tests.gnss.based import NEAR, flown
 
 
@@ -49,21 +46,3 @@ def test_base_and_vehicle_draw_noise_of_their_own():
     )[:, 0]
     sigma_m = np.nanstd(code_less_phase - np.nanmean(code_less_phase, axis=0))
     assert 0.38 < sigma_m < 0.46  # two of 0.3 m
-
-
-@pytest.mark.parametrize(
-    ("base", "text"),
-    [
-        ("{ latitude_deg = 91.0, longitude_deg = 0.0, height_m = 0.0 }", "gnss.base.latitude_deg"),
-        ("{ latitude_deg = 40.0, longitude_deg = 0.0 }", "height_m"),
-        (
-            "{ latitude_deg = 40.0, longitude_deg = 0.0, height_m = 0.0, rate_hz = 1.0 }",
-            "rate_hz",
-        ),
-    ],
-)
-def test_a_base_that_breaks_a_rule_is_named(tmp_path, base, text):
-    path = tmp_path / "scenario.toml"
-    path.write_text(f"[gnss]\nbase = {base}\n")
-    with pytest.raises(BadInputError, match=text):
-        load_scenario(path)

@@ -1,6 +1,5 @@
 """Slips, lost lock, outages and the body's shadow: what breaks, what is said, what is found."""
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -15,7 +14,7 @@ from fgnav_sim.gnss.tables import (
     SlipsTable,
 )
 from fgnav_sim.motion import Arc, Hold, Motion, Sine, Straight
-from fgnav_sim.scenario import GnssTable, Scenario, load_scenario
+from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
 
 SWING = Motion(
@@ -202,56 +201,3 @@ def test_the_body_hides_what_is_beyond_the_cone_of_an_antenna():
             seen = flight.observations.tracked[0, :, kept[satellite]]
             # Rolled to the right, the back looks east, the left side up, the belly west.
             assert seen.tolist() == [eastward > 0, True, eastward < 0]
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("slips = { rate_per_hour = 0 }", r"gnss.slips.rate_per_hour: must be float > 0.0, got 0"),
-        ("slips = {}", r"gnss.slips: 'rate_per_hour' is missing; add it"),
-        (
-            "slips = { rate_per_hour = 1, flagged_share = 2 }",
-            r"gnss.slips.flagged_share: must be float <= 1.0, got 2",
-        ),
-        (
-            "outages = [{ from_s = 5, until_s = 5 }]",
-            r"gnss.outages\[0\].until_s: must lie after from_s, got 5",
-        ),
-        (
-            "outages = [{ elevation_deg = [30, 10] }]",
-            r"gnss.outages\[0\].elevation_deg: must increase, got \[30.*10",
-        ),
-        (
-            "outages = [{ antennas = ['a9'] }]",
-            r"gnss.outages\[0\].antennas: must be among a1 to a8, got 'a9'",
-        ),
-        ("body_mask = { axes_b = [[0, 0, 0]] }", r"gnss.body_mask.axes_b: .* none of them zero"),
-        (
-            "body_mask = { axes_b = [[0, 0, 1], [0, 1, 0]] }",
-            r"gnss.body_mask.axes_b: must hold one vector, or one for each of 8 antennas, got 2",
-        ),
-    ],
-)
-def test_a_bad_interruption_is_named(tmp_path, text, message):
-    path = tmp_path / "bad.toml"
-    path.write_text(f"[gnss]\n{text}\n", encoding="utf-8")
-    with pytest.raises(BadInputError, match=message):
-        load_scenario(path)
-
-
-def test_a_scenario_with_all_interruptions_is_read(tmp_path):
-    path = tmp_path / "rough.toml"
-    path.write_text(
-        """
-        [gnss]
-        slips = { rate_per_hour = 2, largest_cycles = 5 }
-        loss_of_lock = { rate_per_hour = 1 }
-        outages = [{ from_s = 3, azimuth_deg = [350, 20] }, { antennas = ["a2"] }]
-        body_mask = { half_angle_deg = 80 }
-        """,
-        encoding="utf-8",
-    )
-    gnss = load_scenario(path).gnss
-    assert gnss.slips == SlipsTable(rate_per_hour=2.0, largest_cycles=5)
-    assert gnss.outages[1] == OutageTable(antennas=("a2",))
-    assert msgspec.structs.asdict(gnss.body_mask)["axes_b"] == ((0.0, 0.0, -1.0),)

@@ -27,22 +27,6 @@ def wound(motion, t_s, e_n=(UP, LOW)):
     return wind_up(e_b, POLE_N @ state.R_nb, state.w_nb_b_radps, t_s)
 
 
-@pytest.mark.parametrize("rate_degps", [36.0, -360.0, 7200.0])
-def test_each_turn_of_the_heading_is_a_cycle_of_every_satellite(rate_degps):
-    t_s = np.arange(0.0, 10.05, 0.1)
-    cycles, _ = wound(Motion(yaw=Rate(rate_degps=rate_degps)), t_s)
-    assert_allclose(cycles[-1] - cycles[0], rate_degps / 36.0, rtol=0, atol=1e-9)
-
-
-def test_a_satellite_overhead_sees_the_heading_itself():
-    heading = Motion(yaw=Sine(amplitude_deg=100.0, rate_radps=0.5))
-    t_s = np.arange(0.0, 20.0, 0.1)
-    cycles, rate = wound(heading, t_s)
-    yaw_rad, yaw_radps, _ = heading.yaw(t_s)
-    assert_allclose(cycles[:, 0] - cycles[0, 0], yaw_rad / (2 * np.pi), rtol=0, atol=1e-9)
-    assert_allclose(rate[:, 0], yaw_radps / (2 * np.pi), rtol=0, atol=1e-9)
-
-
 def test_the_rate_is_the_derivative_in_any_motion():
     motion = Motion(
         roll=Sine(amplitude_deg=40.0), pitch=Sine(amplitude_deg=30.0, phase_deg=50.0),

@@ -76,18 +76,6 @@ def test_the_beacon_is_seen_within_range_and_field_of_view_only():
     assert np.array_equal(photodetector.t_s, t_s[near & ahead])
 
 
-def test_a_beacon_behind_is_never_seen():
-    away = PhotodetectorTable(landmark=Place(latitude_deg=40.32), range_m=1e5)
-    assert watch(away, TOWARD, rng=np.random.default_rng(1)) is None
-
-
-def test_the_built_in_calibration_increases_and_stays_on_the_detector():
-    table = calibration()
-    assert (np.diff(table, axis=0) > 0).all()
-    assert table[0] == pytest.approx([0.0, 0.0])
-    assert table[-1, 1] < 1.0
-
-
 STILL = Scenario(duration_s=100.0, motion=Motion(path=Straight(speed_mps=0.0)))
 DARK = OpticsTable(noise_a=1e-20, threshold_sigmas=0.0)
 

@@ -23,20 +23,6 @@ def truth(sensor, scenario):
     return state.specific_force_b_mps2(scenario.origin.frame, lever_b_m, scenario.gravity)
 
 
-def test_white_noise_has_its_density_at_any_rate():
-    scenario = Scenario(duration_s=200.0, motion=SWING)
-    for rate_hz in (50.0, 200.0):
-        sensor = ImuTable(
-            rate_hz=rate_hz,
-            accelerometer_noise_mps2_per_sqrt_hz=0.02,
-            accelerometer_bias_mps2=1e-9,
-            accelerometer_bias_walk_mps2_per_sqrt_s=1e-9,
-        )
-        imu = sense(sensor, scenario, rng=np.random.default_rng(5))
-        error = imu.f_b_mps2 - truth(sensor, scenario)
-        assert np.std(error) == pytest.approx(0.02 * np.sqrt(rate_hz), rel=0.03)
-
-
 def test_biases_spread_by_their_sigma_and_walk_with_the_root_of_time():
     scenario = Scenario(duration_s=100.0, motion=SWING)
     sensor = ImuTable(

@@ -7,7 +7,6 @@ from scipy.interpolate import CubicSpline
 from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.forces import (
-    BODY,
     CANARD,
     COEFFICIENTS,
     FINS,
@@ -69,17 +68,6 @@ def test_a_body_of_revolution_feels_each_force_and_moment_of_the_vector_equation
         expected += q * d**2 * p * k * c["cmm"] * np.cross(u, np.cross(V, u))
         assert np.array(moment) == pytest.approx(expected, rel=1e-9, abs=1e-9)
         assert slowing == pytest.approx(q * d**2 * v * k * c["cspin"] * p, rel=1e-9)
-
-
-def test_lift_points_to_the_nose_side_of_the_airflow_and_drag_against_it() -> None:
-    shape = Axisymmetric(diameter_m=0.2, cd0=0.3, cl1=2.0, cm1=-1.0)
-    body, tables = packed(Vehicle(body=BODY_ONLY, aerodynamics=shape))
-    c = np.empty(COEFFICIENTS)
-    coefficients_at(body, tables, 0.3, c)
-    force, moment, _ = axisymmetric(body, c, flow(np.array([100.0, 0, 5.0]), np.zeros(3)), 0.0)
-    assert force[0] < 0  # drag
-    assert force[2] < 0  # the air comes from below, lift is up
-    assert moment[1] < 0  # fins turn the nose back into the airflow
 
 
 def test_an_airframe_lifts_and_turns_by_its_linear_derivatives() -> None:
@@ -194,7 +182,3 @@ def test_moments_move_with_the_centre_of_mass() -> None:
     assert abs(turns[0]) < 1e-4  # the Earth's rotation
     assert turns[1] > 0.01  # lift ahead of the centre of mass turns the nose up
     assert turns[2] < -0.01
-
-
-def test_a_record_has_a_field_for_each_part_of_the_tables() -> None:
-    assert {"mach", "machs", "burn", "burns", "command", "commands"} <= set(BODY.names or ())

@@ -78,32 +78,6 @@ def test_in_vacuum_a_body_follows_its_kepler_ellipse(
     assert y[-1, :3] == pytest.approx(kepler(y[0, :3], y[0, 3:6], end_s), abs=1e-6)
 
 
-def test_on_an_earth_at_rest_a_launch_to_the_north_stays_in_its_meridian() -> None:
-    place = places(dropped(STILL, v_n_mps=(300.0, 0.0, -300.0), latitude_rad=0.2))
-    assert np.abs(place[:, 1]).max() < 1e-15
-    assert np.diff(place[:, 0]).min() > 0
-
-
-def test_a_stone_dropped_on_a_turning_earth_falls_to_the_east() -> None:
-    flight = dropped(TURNING)
-    east_m = RADIUS_M * places(flight)[-1, 1]
-    g = GM_M3PS2 / (RADIUS_M + HEIGHT_M) ** 2 - RATE**2 * RADIUS_M
-    assert east_m == pytest.approx(RATE * g * 30**3 / 3, rel=2e-3)
-    assert np.abs(places(dropped(STILL))[:, 1]).max() < 1e-15
-
-
-def test_a_circular_orbit_closes() -> None:
-    height_m = 400e3
-    r = RADIUS_M + height_m
-    speed = np.sqrt(GM_M3PS2 / r)
-    flight = dropped(
-        STILL, v_n_mps=(0.0, speed, 0.0), duration_s=600.0, height_m=height_m
-    )  # fmt: skip
-    place = places(flight)
-    assert np.abs(place[:, 2] - height_m).max() < 1e-5
-    assert place[-1, 1] == pytest.approx(speed / r * flight.t_s[-1], abs=1e-12)
-
-
 def test_in_a_steady_wind_a_light_body_ends_up_at_the_winds_speed() -> None:
     feather = Vehicle(
         body=BodyTable(mass_kg=0.1, inertia_kgm2=(0.1, 0.1, 0.1)),

@@ -62,19 +62,6 @@ def spinning_rocket() -> Vehicle:
     )  # fmt: skip
 
 
-def test_a_torque_free_body_of_revolution_precesses_at_its_closed_form_rate() -> None:
-    axial, transverse, spin, wobble = 0.5, 2.0, 12.0, 0.7
-    body = BodyTable(mass_kg=1.0, inertia_kgm2=(axial, transverse, transverse))
-    flight = flown(Vehicle(body=body), launch(w_ib_b_radps=np.array([spin, wobble, 0.0])))
-    w = rate_ib_b_radps(flight)
-    angle = (axial - transverse) / transverse * spin * flight.t_s
-    # Euler: w_y' = -angle' w_z, w_z' = angle' w_y
-    expected = np.column_stack(
-        [np.full_like(angle, spin), wobble * np.cos(angle), wobble * np.sin(angle)]
-    )
-    assert np.abs(w - expected).max() < 1e-8  # rad/s
-
-
 @pytest.mark.parametrize(("wobble", "limit_deg"), [(0.0, 1e-9), (1.0, 5 * MICRODEG)])
 def test_a_body_of_revolution_at_five_turns_a_second_keeps_its_attitude_for_a_minute(
     wobble: float, limit_deg: float
@@ -228,16 +215,6 @@ def test_a_body_at_rest_on_the_earth_starts_at_rest_and_where_it_is() -> None:
     assert places(flight)[0] == pytest.approx(place, abs=1e-6)
     assert euler_rad(flight)[0] == pytest.approx([0.3, -0.2, 2.0], abs=1e-9)
     assert np.linalg.norm(flight.y[0, :, Q : Q + 4], axis=1) == pytest.approx(1.0, abs=1e-12)
-
-
-def test_a_batch_gives_each_flight_what_it_gets_alone() -> None:
-    vehicles = [spinning_rocket(), Vehicle(body=TUMBLER)]
-    starts = [launch(euler_rad=np.array([0.0, 1.4, 0.0])), launch(w_ib_b_radps=np.ones(3))]
-    plan = Plan(duration_s=2.0)
-    both = fly_batch(vehicles, starts, [Air(), Air()], plan)
-    for k in range(2):
-        alone = fly_batch([vehicles[k]], [starts[k]], [Air()], plan)
-        assert np.array_equal(both.y[k], alone.y[0])
 
 
 def test_a_flight_ends_at_the_ground_and_its_later_rows_are_not_numbers() -> None:

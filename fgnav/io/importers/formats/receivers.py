@@ -10,18 +10,17 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, losses_of
 from fgnav.io.flight.columns import Samples
 from fgnav.io.flight.toml import gps_seconds
-from fgnav.io.importers.formats import sentences
 from fgnav.io.importers.formats.readers import foreign
-from fgnav.io.importers.formats.solution import TAKEN, Solution, baseline, fixes
+from fgnav.io.importers.formats.solution import STATED, Solution, take
 from fgnav.io.importers.formats.streams import messages
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
-from fgnav.io.user_files import read_bytes
+from fgnav.io.user_files import read_bytes, unmarked
 
 _MISSING = {"antenna.position_b_m": "where the antenna sits in the body is in no file: state it"}
 _OBSERVED = {  # kinds of raw observations
@@ -47,93 +46,70 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
     BadInputError
         If it has neither a solution nor observations.
     """
-    if not path.is_file():
-        raise BadInputError(f"{path}: no such file; check the name")
-    content = read_bytes(path)
+    content = unmarked(read_bytes(path))
     solution = Solution()
-    others, size = _decoded(path, content, settings, solution)
-    solution.date_all()
-    protocol, observations = _observations(path, others, settings, scratch, solution)
+    stated, others, size = _decoded(path, content, solution.counts)
+    start_s = None if settings.start is None else gps_seconds(path, settings.start)
+    take(stated, start_s, solution)
+    tables = {"fixes": solution.fixes(), "baseline": solution.baselines()}
+    tables = {kind: rows for kind, rows in tables.items() if len(rows["t_s"])}
+    counts = solution.counts
+    protocol, observations = _observations(path, others, settings, scratch, tables)
+    if observations:
+        reason = "of the same signals as raw measurements; solution = true in --settings takes it"
+        counts.update({(kind, reason): len(rows["t_s"]) for kind, rows in tables.items()})
+        tables = {}
     kinds = _OBSERVED.get(protocol, set()) | _DECODED.get(protocol, set())
     for (of, number, name), count in others.items():
         if of != protocol or number not in kinds:
             is_raw = number in _OBSERVED.get(of, ())
             reason = "the receiver's solution is taken; solution = false in --settings takes it"
-            solution.counts[f"{name} message", reason if is_raw else "not read"] += count
-    tables = dict[str, Samples]()
-    start_s = min(map(min, filter(None, (solution.place, solution.times))), default=0.0)
-    if observations:
-        reason = "of the same signals as raw measurements; solution = true in --settings takes it"
-        solution.counts["fix", reason] += len(solution.place)
-        solution.counts["baseline", reason] += len(solution.times)
-    else:
-        tables |= {"fixes": fixes(solution, start_s)} if solution.place else {}
-        tables |= {"baseline": baseline(solution, start_s)} if solution.times else {}
+            counts[f"{name} message", reason if is_raw else "not read"] += count
     if not (tables or observations):
-        (what, reason), *_ = [*solution.counts, ("", "")]
+        if not solution.is_dated and any(protocol == "nmea" for protocol, *_ in stated):
+            raise BadInputError(
+                f"{path}: no RMC or ZDA sentence has a date; state start in --settings, within "
+                "half a day"
+            )
+        what, reason = next((key for key, count in counts.items() if count), ("", ""))
         raise BadInputError(
             f"{path}: has no fix of a receiver, as of NAV-PVT, PVTGeodetic, BESTPOS or GGA, and no "
             f"raw measurements{f' ({what}: {reason})' if what else ''}; look what the receiver was "
             "set to put out"
         )
-    outside = "in no whole message: damaged, or of another format"
-    solution.counts["byte", outside] += len(content) - size
+    counts["byte", "in no whole message: damaged, or of another format"] += len(content) - size
+    firsts_s = [float(rows["t_s"][0]) for rows in tables.values()] if solution.is_dated else []
+    first_s = min(firsts_s, default=0.0)
     return Recording(
         source=path,
-        tables=tables,
-        clock="week" if tables and solution.date_s is None else "gps",
-        gps_start_s=start_s,
-        baseline_ends_at_fixes=bool(solution.baseline),  # of u-blox alone
+        tables={kind: {**rows, "t_s": rows["t_s"] - first_s} for kind, rows in tables.items()},
+        clock="gps" if solution.is_dated or not tables else "week",
+        gps_start_s=first_s,
+        baseline_ends_at_fixes=solution.has_vectors,
         observations=observations[:1],
         navigation=observations[1:],
-        losses=tuple(Loss(what=w, reason=why, count=n) for (w, why), n in solution.counts.items()),
+        losses=losses_of(counts),
         notes={"fixes": "heights are above the sea: no undulation"} if solution.above_sea else {},
         missing=_MISSING if observations else {},
     )
 
 
 def _decoded(
-    path: Path, content: bytes, settings: Settings, solution: Solution
-) -> tuple[Counter[tuple[str, int, str]], int]:
-    """Take the messages of solutions; return the others' kinds, and how long all together are."""
-    others, size = Counter[tuple[str, int, str]](), 0
-    texts = []
+    path: Path, content: bytes, counts: Counter[tuple[str, str]]
+) -> tuple[list[tuple[str, str, Any]], Counter[tuple[str, int, str]], int]:
+    """Return the messages of solutions, the others' kinds, and how long all together are."""
+    stated, others, size = list[tuple[str, str, Any]](), Counter[tuple[str, int, str]](), 0
     for one in messages(content):
         size += len(one.raw)
-        take = TAKEN.get((one.protocol, one.number))
-        if take is None and one.name not in sentences.READ:
+        if one.name not in STATED:
             others[one.protocol, one.number, one.name] += 1
             continue
         try:
             with foreign(path, one.name):
-                decoded = one.decoded()
-                if take is not None:
-                    take(decoded, solution)
+                stated.append((one.protocol, one.name, one.decoded()))
         except BadInputError:  # one message, that its checksum has proved, is no reason to stop
-            solution.counts[f"{one.name} message", "cannot be decoded"] += 1
-        else:
-            texts += [decoded] if take is None else []
-    if texts:
-        _add_sentences(path, texts, settings, solution)
-    return others, size
-
-
-def _add_sentences(path: Path, texts: list[Any], settings: Settings, solution: Solution) -> None:
-    """Add what sentences state and binary messages do not."""
-    stated = Solution()
-    near_s = min(solution.place, default=None)
-    if settings.start is not None:
-        near_s = gps_seconds(path, settings.start)
-    sentences.take(path, texts, near_s, stated)
-    solution.counts += stated.counts
-    solution.date_s = solution.date_s or stated.date_s
-    solution.above_sea = stated.above_sea and not solution.place
-    for name in ("place", "place_sigma", "heading"):
-        binary, text = getattr(solution, name), getattr(stated, name)
-        if binary:
-            reason = "of a sentence: a message of another protocol has it"
-            solution.counts[name.replace("_", " "), reason] += len(text)
-        setattr(solution, name, binary or text)
+            counts[f"{one.name} message", "cannot be decoded"] += 1
+    return stated, others, size
 
 
 def _observations(
@@ -141,14 +117,14 @@ def _observations(
     kinds: Mapping[tuple[str, int, str], int],
     settings: Settings,
     scratch: Path,
-    solution: Solution,
+    tables: Mapping[str, Samples],
 ) -> tuple[str, tuple[Path, ...]]:
     """Return the protocol of raw measurements and their RINEX files, none where none are taken."""
     counts = Counter[str]()
     for (protocol, number, _), count in kinds.items():
         counts[protocol] += count * (number in _OBSERVED.get(protocol, ()))
     protocol, count = next(iter(counts.most_common(1)), ("", 0))
-    if not count or (settings.solution and solution.place):
+    if not count or (settings.solution and "fixes" in tables):
         return "", ()
     if protocol == "rtcm3" and settings.start is None:
         raise BadInputError(
@@ -160,8 +136,10 @@ def _observations(
     files = [
         one for one in (place, place.with_suffix(".nav")) if one.is_file() and one.stat().st_size
     ]
-    is_poorer = solution.place and (len(files) == 1 or solution.times) and settings.solution is None
-    return ("", ()) if place not in files or is_poorer else (protocol, tuple(files))
+    is_poorer = "fixes" in tables and (len(files) == 1 or "baseline" in tables)
+    if place not in files or (is_poorer and settings.solution is None):
+        return "", ()
+    return protocol, tuple(files)
 
 
 def read_rinex_file(path: Path, _settings: Settings, _scratch: Path) -> Recording:

@@ -13,36 +13,51 @@ References
 """
 
 from collections import Counter
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss
+from fgnav.checks import BadInputError, FloatArray, losses_of
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
+from fgnav.io.importers.formats.parts import Part, joined, xyz
 from fgnav.io.importers.formats.readers import foreign, reader
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
 
-_TYPES = {
-    "imu": "sensor_msgs/msg/Imu",
-    "fixes": "sensor_msgs/msg/NavSatFix",
-    "barometer": "sensor_msgs/msg/FluidPressure",
-    "magnetometer": "sensor_msgs/msg/MagneticField",
+_FLU_TO_FRD = (1.0, -1.0, -1.0)
+_TABLES = {
+    "imu": (
+        "sensor_msgs/msg/Imu",
+        [
+            Part(col.FORCE, xyz("linear_acceleration.{}", "xyz"), _FLU_TO_FRD),
+            Part(col.RATE, xyz("angular_velocity.{}", "xyz"), _FLU_TO_FRD),
+        ],
+    ),
+    "fixes": (
+        "sensor_msgs/msg/NavSatFix",
+        [
+            Part(col.PLACE, ("latitude", "longitude", "altitude")),
+            Part(col.POSITION_SIGMA, xyz("variance{}", (4, 0, 8))),  # of east, north, up
+        ],
+    ),
+    "barometer": ("sensor_msgs/msg/FluidPressure", [Part(col.HEIGHT, ("fluid_pressure",))]),
+    "magnetometer": (
+        "sensor_msgs/msg/MagneticField",
+        [Part(col.FIELD, xyz("magnetic_field.{}", "xyz"), (1e6, -1e6, -1e6))],  # T
+    ),
 }
+_TYPES = {kind: msgtype for kind, (msgtype, _) in _TABLES.items()}
 _AROUND = ("barometer", "magnetometer")
-_AROUND_TYPES = tuple(_TYPES[kind] for kind in _AROUND)
 _NOT_MEASURED = -1.0  # first element of a covariance, sensor_msgs/Imu
+_NO_FIX = -1  # of a status; less there is none
 _SEA_LEVEL_PA = 101_325.0  # ISO 2533
 _SCALE_M = 288.15 / 0.0065  # ISO 2533: temperature at sea level by its lapse, K and K/m
 _EXPONENT = 287.05287 * 0.0065 / 9.80665  # ISO 2533: gas constant times lapse by gravity
-_UT_PER_T = 1e6
-_FLU_TO_FRD = np.array([1.0, -1.0, -1.0])
-_NO_FIX, _UNKNOWN_COVARIANCE = -1, 0
-_DIAGONAL_NED = [4, 0, 8]  # of a covariance east, north, up
 
 
 def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
@@ -53,46 +68,41 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     highlevel = reader("rosbags.highlevel", "rosbag")
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
-    rows_by_kind: dict[str, list[Any]] = {}
-    with (
-        foreign(path, "a bag"),
-        highlevel.AnyReader([path], default_typestore=types) as bag,
-    ):
-        kinds, losses = _chosen(path, bag, settings)
+    counts, rows_by_kind = Counter[tuple[str, str]](), dict[str, list[Any]]()
+    with foreign(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
+        kinds = _chosen(path, bag, settings, counts)
         chosen = [one for one in bag.connections if one.topic in kinds]
         total = sum(one.msgcount for one in chosen)
         for k, (where, at_ns, data) in enumerate(bag.messages(chosen) if chosen else ()):
             report(k / max(total, 1))
-            kind = kinds[where.topic]
-            row = _row(kind, at_ns, bag.deserialize(data, where.msgtype))
+            message, kind = bag.deserialize(data, where.msgtype), kinds[where.topic]
+            if kind == "fixes" and message.status.status <= _NO_FIX:
+                counts["fix", "the receiver had none (status)"] += 1
+                continue
+            stamp = message.header.stamp
+            at_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
+            row = [at_s, *(value for part in _TABLES[kind][1] for value in _values(message, part))]
             rows_by_kind.setdefault(kind, []).append(row)
-        if not rows_by_kind:
+        if not kinds:
             held = sorted({one.msgtype for one in bag.connections})
             raise BadInputError(
                 f"{path}: must hold messages of {', '.join(_TYPES.values())}, has "
                 f"{', '.join(held) or 'none'}; record those topics, or convert them"
             )
     rows = {kind: np.array(some) for kind, some in rows_by_kind.items()}
-    if "fixes" in rows:
-        no_fix = rows["fixes"][:, 1] <= _NO_FIX
-        rows["fixes"] = rows["fixes"][~no_fix]
-        reason = "the receiver had none (status)"
-        losses.append(Loss(what="fix", reason=reason, count=int(no_fix.sum())))
-        stated = _has_variances(rows["fixes"])
-        if 2 * stated.sum() > len(stated):
-            count, what, reason = int((~stated).sum()), "fix", "has no covariance, as most have"
-            rows["fixes"] = rows["fixes"][stated]
-        else:
-            count, what, reason = int(stated.sum()), "covariance", "of a fix; most have none"
-        losses.append(Loss(what=what, reason=reason, count=count))
-    first_s = min((float(x[0, 0]) for x in rows.values() if len(x)), default=0.0)
+    first_s = min((float(x[0, 0]) for x in rows.values()), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
-    tables = {kind: _table(kind, x, first_s) for kind, x in rows.items()}
-    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=tuple(losses))
+    tables = {kind: _table(kind, x, first_s, counts) for kind, x in rows.items()}
+    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=losses_of(counts))
 
 
-def _chosen(path: Path, bag: Any, settings: Settings) -> tuple[dict[str, str], list[Loss]]:  # noqa: ANN401
-    """Return the kind of each topic that is read, and the messages of the others."""
+def _chosen(
+    path: Path,
+    bag: Any,  # noqa: ANN401
+    settings: Settings,
+    lost: Counter[tuple[str, str]],
+) -> dict[str, str]:
+    """Return the kind of each topic that is read; count the messages of the others."""
     names = {msgtype: kind for kind, msgtype in _TYPES.items()}
     topics: dict[str, list[str]] = {kind: [] for kind in _TYPES}
     reasons, counts = dict[str, str](), Counter[str]()
@@ -119,16 +129,10 @@ def _chosen(path: Path, bag: Any, settings: Settings) -> tuple[dict[str, str], l
             raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(some)}")
         kinds |= {topic: kind for topic in some if name in (None, topic)}
         reasons |= {t: f"{name} is read as {kind}" for t in some if name not in (None, t)}
-    losses = [
-        Loss(
-            what=f"{names[msgtype]} row" if msgtype in _AROUND_TYPES else f"{topic} message",
-            reason=reason,
-            count=counts[topic],
-        )
-        for topic, reason in reasons.items()
-        for msgtype in [bag.topics[topic].msgtype]
-    ]
-    return kinds, losses
+    for topic, reason in reasons.items():
+        kind = names.get(bag.topics[topic].msgtype, "")
+        lost[f"{kind} row" if kind in _AROUND else f"{topic} message", reason] += counts[topic]
+    return kinds
 
 
 def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401
@@ -140,43 +144,29 @@ def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401
     return bool(message.linear_acceleration_covariance[0] == _NOT_MEASURED)
 
 
-def _row(kind: str, at_ns: int, message: Any) -> list[float]:  # noqa: ANN401  # made by rosbags
-    """Return time and what counts of a message; NaN for what its covariance says is not there."""
-    stamp = message.header.stamp
-    t_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
-    if kind == "imu":
-        f, w = message.linear_acceleration, message.angular_velocity
-        has_force = message.linear_acceleration_covariance[0] != _NOT_MEASURED
-        has_rate = message.angular_velocity_covariance[0] != _NOT_MEASURED
-        force = [f.x, f.y, f.z] if has_force else [np.nan] * 3
-        return [t_s, *force, *([w.x, w.y, w.z] if has_rate else [np.nan] * 3)]
+def _values(message: Any, part: Part) -> list[float]:  # noqa: ANN401  # made by rosbags
+    """Return what a message has of a part; NaN of what its covariance says is not there."""
+    if part.columns == col.POSITION_SIGMA:
+        is_stated = message.position_covariance_type != 0
+        return [message.position_covariance[k] if is_stated else np.nan for k in (4, 0, 8)]
+    covariance = getattr(message, f"{part.fields[0].partition('.')[0]}_covariance", (0.0,))
+    if covariance[0] == _NOT_MEASURED:
+        return [np.nan] * len(part.fields)
+    return [attrgetter(field)(message) for field in part.fields]
+
+
+def _table(kind: str, x: FloatArray, first_s: float, counts: Counter[tuple[str, str]]) -> Samples:
+    """Return the flight's columns of times and values, in the order of its parts."""
+    t_s, blocks = x[:, 0] - first_s, []
+    ends = np.cumsum([1, *(len(part.columns) for part in _TABLES[kind][1])])
+    for part, begin, end in zip(_TABLES[kind][1], ends, ends[1:], strict=False):
+        blocks.append((part.columns, x[:, begin:end] * part.unit))
+    if kind == "fixes":
+        (place, values), (sigma, variances) = blocks
+        stated = np.isfinite(variances).all(axis=1) & (variances > 0).all(axis=1)
+        sigmas = sigma, t_s[stated], np.sqrt(variances[stated])
+        return joined("fix", (place, t_s, values), [sigmas], counts)
     if kind == "barometer":
-        return [t_s, message.fluid_pressure]
-    if kind == "magnetometer":
-        field = message.magnetic_field
-        return [t_s, field.x, field.y, field.z]
-    is_stated = message.position_covariance_type != _UNKNOWN_COVARIANCE
-    variance = message.position_covariance if is_stated else np.full(9, np.nan)
-    place = [message.latitude, message.longitude, message.altitude]
-    return [t_s, message.status.status, *place, *variance[_DIAGONAL_NED].tolist()]
-
-
-def _has_variances(fixes: FloatArray) -> BoolArray:
-    """Return which fixes have three variances."""
-    return np.asarray((fixes[:, 5:] > 0).all(axis=1) & np.isfinite(fixes[:, 5:]).all(axis=1))
-
-
-def _table(kind: str, x: FloatArray, first_s: float) -> Samples:
-    """Return the flight's columns."""
-    t_s = x[:, 0] - first_s
-    if kind == "imu":
-        force, rate = x[:, 1:4] * _FLU_TO_FRD, x[:, 4:] * _FLU_TO_FRD
-        rates = () if np.isnan(rate).all() else ((col.RATE, rate),)
-        return samples(t_s, (col.FORCE, force), *rates)
-    if kind == "barometer":
-        pressure = np.maximum(x[:, 1], 0.0) / _SEA_LEVEL_PA
+        pressure = np.maximum(x[:, 1:], 0.0) / _SEA_LEVEL_PA
         return samples(t_s, (col.HEIGHT, _SCALE_M * (1 - pressure**_EXPONENT)))
-    if kind == "magnetometer":
-        return samples(t_s, (col.FIELD, x[:, 1:] * _FLU_TO_FRD * _UT_PER_T))
-    sigmas = ((col.POSITION_SIGMA, np.sqrt(x[:, 5:])),) if _has_variances(x).all() else ()
-    return samples(t_s, (col.PLACE, x[:, 2:5]), *sigmas)
+    return samples(t_s, *(one for one in blocks if not np.isnan(one[1]).all()))

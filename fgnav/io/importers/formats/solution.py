@@ -1,189 +1,250 @@
-"""What receivers state themselves: fixes, velocities, headings and baselines, by their time."""
+"""What receivers state themselves: fixes, velocities, headings and baselines, by their time.
 
-from collections import Counter
-from collections.abc import Callable
+``STATED`` says what is taken of each message. Sentences of NMEA 0183 [1]_ have the UTC time of day,
+which is that nearest to the message before; RMC and ZDA date them, HDT and THS have the time of the
+sentence before. Heights are those above the sea plus the undulation.
+
+References
+----------
+.. [1] NMEA 0183, Standard for Interfacing Marine Electronic Devices, version 4.11, 2018, section 6.
+"""
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
-from typing import Any, TypeAlias
+from datetime import UTC, date, datetime, time
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray
 from fgnav.io.flight import columns as col
-from fgnav.io.flight.columns import Samples, samples
-from fgnav.io.gps_time import WEEK_S, gps_of_utc
-from fgnav.io.importers.formats.streams import Log
+from fgnav.io.flight.columns import Samples
+from fgnav.io.gps_time import UNIX_OF_GPS_S, WEEK_S, gps_of_utc
+from fgnav.io.importers.formats.parts import Timed, joined
 
-_MM, _CM, _MS = 1e-3, 1e-2, 1e-3
+_MM, _CM, _MS, _DEG = 1e-3, 1e-2, 1e-3, 180 / np.pi
+_DAY_S = 86_400.0
+_NO_TOW = 2**32 - 1  # of SBF
 _MOST = 1e9  # SBF writes -2e10 where it has no value
-ByTime: TypeAlias = dict[float, tuple[float, ...]]  # GPS seconds since 1980-01-06, to the ms
+_PROTOCOLS = ("ubx", "sbf", "novatel", "nmea")  # of two that state the same, the first is taken
+_NO_FIX = {0: "the receiver had no fix", 6: "dead reckoning", 7: "manual", 8: "simulated"}
+_HEADINGS = ("heading", "pitch", "heading sigma", "pitch sigma")
+_HEADING_COLUMNS = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
+_COLUMNS = {
+    "place": col.PLACE,
+    "place sigma": col.POSITION_SIGMA,
+    "velocity": col.VELOCITY,
+    "velocity sigma": col.VELOCITY_SIGMA,
+    "baseline": col.BASELINE,
+    "baseline sigma": col.POSITION_SIGMA,
+    **dict(zip(_HEADINGS, _HEADING_COLUMNS, strict=True)),
+}
+
+
+class Part(NamedTuple):
+    """What a message states of one kind."""
+
+    kind: str
+    fields: tuple[str, ...]
+    unit: float | tuple[float, ...] = 1.0
+    is_variance: bool = False
+
+
+def _headings(*fields: str) -> list[Part]:
+    return [Part(kind, (one,)) for kind, one in zip(_HEADINGS, fields, strict=False)]
+
+
+STATED: dict[str, list[Part]] = {
+    "NAV-PVT": [
+        Part("place", ("lat", "lon", "height"), (1.0, 1.0, _MM)),
+        Part("place sigma", ("hAcc", "hAcc", "vAcc"), _MM),
+        Part("velocity", ("velN", "velE", "velD"), _MM),
+        Part("velocity sigma", ("sAcc", "sAcc", "sAcc"), _MM),
+    ],
+    "NAV-RELPOSNED": [
+        Part("baseline", ("relPosN", "relPosE", "relPosD"), _CM),
+        Part("baseline sigma", ("accN", "accE", "accD"), _MM),
+    ],
+    "PVTGeodetic": [
+        Part("place", ("Latitude", "Longitude", "Height"), (_DEG, _DEG, 1.0)),
+        Part("velocity", ("Vn", "Ve", "Vu"), (1.0, 1.0, -1.0)),
+    ],
+    "PosCovGeodetic": [Part("place sigma", ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt"), 1.0, True)],
+    "VelCovGeodetic": [Part("velocity sigma", ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"), 1.0, True)],
+    "AttEuler": _headings("Heading", "Pitch"),
+    "AttCovEuler": [
+        Part("heading sigma", ("Cov_HeadHead",), 1.0, True),
+        Part("pitch sigma", ("Cov_PitchPitch",), 1.0, True),
+    ],
+    "BESTPOS": [
+        Part("place", ("latitude", "longitude", "height")),
+        Part("place sigma", ("sigma_n", "sigma_e", "sigma_u")),
+    ],
+    "BESTVEL": [Part("velocity", ("north", "east", "up"), (1.0, 1.0, -1.0))],
+    **dict.fromkeys(
+        ("HEADING", "HEADING2", "DUALANTENNAHEADING"),
+        _headings("heading", "pitch", "sigma_heading", "sigma_pitch"),
+    ),
+    "GGA": [Part("place", ("lat", "lon", "alt"))],
+    "GST": [Part("place sigma", ("stdLat", "stdLong", "stdAlt"))],
+    "HDT": _headings("headingT"),
+    "THS": _headings("headt"),
+    "PASHR": _headings("trueHdg", "pitch", "hdgAcc", "pitchAcc"),
+    "RMC": [],
+    "ZDA": [],
+}
 
 
 @dataclass(slots=True)
 class Solution:
-    """What the messages of a stream have stated so far, each by its time."""
+    """What the messages of a stream state, by protocol and kind, each with its GPS time."""
 
-    place: ByTime = field(default_factory=dict)  # latitude, longitude, deg; height, m
-    place_sigma: ByTime = field(default_factory=dict)  # north, east, down, m
-    velocity: ByTime = field(default_factory=dict)  # north, east, down, m/s
-    velocity_sigma: ByTime = field(default_factory=dict)
-    baseline: ByTime = field(default_factory=dict)  # north, east, down, m, and their sigmas
-    heading: ByTime = field(default_factory=dict)  # heading, pitch, and their sigmas, deg
+    rows: dict[tuple[str, str], list[tuple[float, ...]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     above_sea: bool = False  # whether heights lack the undulation
-    date_s: float | None = None  # latest GPS time that was stated with its week
+    is_dated: bool = False
+
+    def of(self, *kinds: str) -> list[Timed]:
+        """Return times and values of kinds, each of the first protocol that has it."""
+        found = list[Timed]()
+        for kind in kinds:
+            owner = next((p for p in _PROTOCOLS if self.rows.get((p, kind))), "")
+            table = np.array(self.rows.get((owner, kind), []), np.float64)
+            table = table.reshape(-1, 1 + len(_COLUMNS[kind]))
+            found.append((_COLUMNS[kind], table[:, 0], table[:, 1:]))
+            for other in _PROTOCOLS:
+                count = len(self.rows.get((other, kind), [])) if other != owner else 0
+                self.counts[f"{kind} of {other}", f"{owner} has it, too"] += count
+        return found
+
+    def fixes(self) -> Samples:
+        """Return fixes, with those sigmas and velocities that most have."""
+        place, *others = self.of("place", "place sigma", "velocity", "velocity sigma")
+        return joined("fix", place, others, self.counts)
+
+    def baselines(self) -> Samples:
+        """Return baselines as vectors, else as headings, with what most have."""
+        vector, sigma = self.of("baseline", "baseline sigma")
+        heading, *others = self.of(*_HEADINGS)
+        if len(vector[1]):
+            self.counts["heading", "a baseline has it, too"] += len(heading[1])
+            return joined("baseline", vector, [sigma], self.counts)
+        return joined("heading", heading, others, self.counts)
 
     @property
-    def times(self) -> list[float]:
-        """Return the times of baselines, else of headings."""
-        return sorted(self.baseline or self.heading)
-
-    def time_of_week(self, seconds: float) -> float:
-        """Return the GPS time nearest to the latest date; seconds alone where there was none."""
-        if self.date_s is None:
-            return round(seconds, 3)
-        return round(_nearest_week(seconds, self.date_s), 3)
-
-    def date_all(self) -> None:
-        """Date what was stated before the first date."""
-        tables = [self.place, self.place_sigma, self.velocity, self.velocity_sigma]
-        tables += [self.baseline, self.heading]
-        first_s = min((t for table in tables for t in table if t >= WEEK_S), default=None)
-        for table in tables if first_s is not None else ():
-            for t in [t for t in table if t < WEEK_S]:
-                table[round(_nearest_week(t, first_s or 0.0), 3)] = table.pop(t)
+    def has_vectors(self) -> bool:
+        """Return True if there are baselines, as of u-blox alone."""
+        return any(kind == "baseline" and rows for (_, kind), rows in self.rows.items())
 
 
-def _nearest_week(seconds: float, near_s: float) -> float:
-    """Return seconds of a week in the week in which they are nearest to a time."""
-    return seconds + WEEK_S * round((near_s - seconds) / WEEK_S)
+def take(messages: Iterable[tuple[str, str, Any]], near_s: float | None, into: Solution) -> None:
+    """Add what messages state.
 
-
-def fixes(solution: Solution, start_s: float) -> Samples:
-    """Return the fixes of a solution; those without what most have are counted and left out."""
-    t = sorted(solution.place)
-    kept: list[tuple[tuple[str, ...], ByTime]] = [(col.PLACE, solution.place)]
-    for what, names, by_time in (
-        ("sigma", col.POSITION_SIGMA, solution.place_sigma),
-        ("velocity", col.VELOCITY, solution.velocity),
-        ("sigma of velocity", col.VELOCITY_SIGMA, solution.velocity_sigma),
-    ):
-        some = [one for one in t if one in by_time]
-        solution.counts[what, "of no fix's time"] += len(by_time) - len(some)
-        is_needed = names != col.VELOCITY_SIGMA or kept[-1][0] == col.VELOCITY
-        if _are_most(len(some), len(t)) and is_needed:
-            solution.counts["fix", f"has no {what}, as most have"] += len(t) - len(some)
-            t = some
-            kept.append((names, by_time))
-        else:
-            solution.counts[what, "most fixes have none"] += len(some)
-    return samples(np.array(t) - start_s, *((names, _rows(of, t)) for names, of in kept))
-
-
-def baseline(solution: Solution, start_s: float) -> Samples:
-    """Return baselines as vectors, else as headings, with the pitch and sigmas that most have."""
-    t = np.array(solution.times)
-    if solution.baseline:
-        x = _rows(solution.baseline, t.tolist())
-        solution.counts["heading", "a baseline has it, too"] += len(solution.heading)
-        return samples(t - start_s, (col.BASELINE, x[:, :3]), (col.POSITION_SIGMA, x[:, 3:]))
-    x = _rows(solution.heading, t.tolist())
-    is_stated: BoolArray = np.asarray(np.isfinite(x))
-    columns = [0, *(k for k in (1, 2, 3) if _are_most(is_stated[:, k].sum(), len(t)))]
-    whole = is_stated[:, columns].all(axis=1)
-    reason = "has no pitch or sigma, as most have"
-    solution.counts["heading", reason] += int((~whole).sum())
-    names = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
-    return samples(t[whole] - start_s, *((names[k], x[whole][:, [k]]) for k in columns))
-
-
-def _are_most(count: int, of: int) -> bool:
-    return 2 * count > of
-
-
-def _rows(by_time: ByTime, times: list[float]) -> FloatArray:
-    return np.array([by_time[t] for t in times], np.float64)
-
-
-def _ubx_pvt(one: Any, to: Solution) -> None:  # noqa: ANN401
-    if not (one.validDate and one.validTime and one.gnssFixOk and one.fixType in (3, 4)):
-        to.counts["NAV-PVT message", "the receiver had no fix of three dimensions"] += 1
-        return
-    date = datetime(one.year, one.month, one.day, one.hour, one.min, tzinfo=UTC)
-    utc_s = date.timestamp() + one.second + 1e-9 * one.nano
-    gps_s = float(gps_of_utc(np.array([utc_s]))[0])
-    to.date_s = gps_s
-    t = to.time_of_week(one.iTOW * _MS)
-    to.place[t] = (one.lat, one.lon, one.height * _MM)
-    to.place_sigma[t] = (one.hAcc * _MM, one.hAcc * _MM, one.vAcc * _MM)
-    to.velocity[t] = (one.velN * _MM, one.velE * _MM, one.velD * _MM)
-    to.velocity_sigma[t] = (one.sAcc * _MM,) * 3
-
-
-def _ubx_relative(one: Any, to: Solution) -> None:  # noqa: ANN401
-    if not (one.gnssFixOK and one.relPosValid and one.carrSoln):
-        to.counts["NAV-RELPOSNED message", "no baseline of carrier phases"] += 1
-        return
-    if not one.isMoving or getattr(one, "relPosNormalized", False):  # not in version 0
-        reason = "from a base that does not move with the vehicle, or without a length"
-        to.counts["NAV-RELPOSNED message", reason] += 1
-        return
-    vector = (one.relPosN * _CM, one.relPosE * _CM, one.relPosD * _CM)
-    sigma = (one.accN * _MM, one.accE * _MM, one.accD * _MM)
-    to.baseline[to.time_of_week(one.iTOW * _MS)] = vector + sigma
-
-
-def _sbf(one: Any, to: Solution) -> None:  # noqa: ANN401
-    """Take a block: what it has of place, velocity, heading, or of their sigmas."""
-    for kind, names in _SBF[one.identity].items():
-        x = np.array([float(getattr(one, name)) for name in names])
-        if one.Error or np.abs(x).max() > _MOST:
-            to.counts[f"{one.identity} block", f"has no {kind.replace('_', ' of a ')}"] += 1
+    Parameters
+    ----------
+    messages : iterable of tuple
+        Protocol, name, and the message as its library decodes it, in the order of the stream.
+    near_s : float or None
+        GPS time within half a day of the first: it dates a stream without dates.
+    """
+    messages = list(messages)
+    dates_s = [_date_s(name, one) for _, name, one in messages]
+    first_s = next((t for t in dates_s if t is not None), near_s)
+    latest_s, into.is_dated = first_s, first_s is not None
+    for (protocol, name, one), date_s in zip(messages, dates_s, strict=True):
+        latest_s = latest_s if date_s is None else date_s
+        t = _time_s(protocol, one, date_s, latest_s)
+        reason = _no_use(name, one)
+        if t is None or reason:
+            into.counts[f"{name} message", reason or "has no time"] += 1
             continue
-        to.date_s = WEEK_S * one.WNc + one.TOW * _MS
-        t = to.time_of_week(one.TOW * _MS)
-        row = (np.sqrt(x) if kind.endswith("sigma") else x * _SBF_UNITS.get(kind, 1.0)).tolist()
-        if kind.startswith("heading"):
-            earlier = to.heading.get(t, (np.nan,) * 4)
-            to.heading[t] = (*row, *earlier[2:]) if kind == "heading" else (*earlier[:2], *row)
-        else:
-            getattr(to, kind)[t] = tuple(row)
+        latest_s = t if into.is_dated else None
+        for part in STATED[name]:
+            x = np.array([_number(getattr(one, field, "")) for field in part.fields])
+            x = np.sqrt(np.maximum(x, 0.0)) if part.is_variance else x * part.unit
+            if name == "GGA":
+                into.above_sea |= one.sep == ""
+                x[2] += one.sep or 0.0
+            if np.isfinite(x).all():
+                into.rows[protocol, part.kind].append((round(t, 3), *x.tolist()))
+            else:
+                into.counts[f"{name} message", f"has no {part.kind}"] += 1
 
 
-def _novatel(one: Log, to: Solution) -> None:
-    if not one.is_computed:
-        to.counts[f"NovAtel {one.number} log", "no solution was computed"] += 1
-        return
-    to.date_s = one.gps_s
-    t, x = round(one.gps_s, 3), one.fields
-    if one.number == 42:
-        to.place[t] = (x[0], x[1], x[2] + x[3])
-        to.place_sigma[t] = x[5:8]
-    elif one.number == 99:
-        track = np.radians(x[3])
-        to.velocity[t] = (float(x[2] * np.cos(track)), float(x[2] * np.sin(track)), -x[4])
+def _number(value: Any) -> float:  # noqa: ANN401  # of a library
+    return float(value) if value != "" and abs(float(value)) <= _MOST else np.nan
+
+
+def _no_use(name: str, one: Any) -> str:  # noqa: ANN401
+    """Return why a message is not used; nothing of one that is."""
+    if name == "NAV-PVT" and not (one.gnssFixOk and one.fixType in (3, 4)):
+        return "the receiver had no fix of three dimensions"
+    if name == "NAV-RELPOSNED":
+        if not (one.gnssFixOK and one.relPosValid and one.carrSoln):
+            return "no baseline of carrier phases"
+        if not one.isMoving or getattr(one, "relPosNormalized", False):  # not in version 0
+            return "from a base that does not move with the vehicle, or without a length"
+    if getattr(one, "Error", 0) or not getattr(one, "is_computed", True):
+        return "no solution was computed"
+    if name == "GGA":
+        return _NO_FIX.get(one.quality or 0, "")
+    if name == "RMC":
+        return "speed and course without a vertical velocity"
+    if (name == "THS" and one.mi != "A") or (name == "PASHR" and not getattr(one, "gnssQual", 0)):
+        return "the receiver had no heading"
+    return ""
+
+
+def _date_s(name: str, one: Any) -> float | None:  # noqa: ANN401
+    """Return the GPS time of a message that states a date."""
+    if name == "NAV-PVT" and one.validDate and one.validTime:
+        day, at_s = date(one.year, one.month, one.day), 3600.0 * one.hour + 60.0 * one.min
+        at_s += one.second + 1e-9 * one.nano
+    elif name == "RMC" and one.status == "A" and isinstance(one.date, date):
+        day, at_s = one.date, _time_of_day_s(one)
+    elif name == "ZDA" and "" not in (one.year, one.month, one.day):
+        day, at_s = date(one.year, one.month, one.day), _time_of_day_s(one)
+    elif hasattr(one, "WNc"):
+        return None if one.TOW == _NO_TOW else WEEK_S * one.WNc + one.TOW * _MS
     else:
-        to.heading[t] = (x[1], x[2], x[4], x[5])
+        return getattr(one, "gps_s", None)
+    if at_s is None:
+        return None
+    utc_s = datetime(day.year, day.month, day.day, tzinfo=UTC).timestamp() + at_s
+    return float(gps_of_utc(np.array([utc_s]))[0])
 
 
-_SBF: dict[str, dict[str, tuple[str, ...]]] = {
-    "PVTGeodetic": {
-        "place": ("Latitude", "Longitude", "Height"),
-        "velocity": ("Vn", "Ve", "Vu"),
-    },
-    "PosCovGeodetic": {"place_sigma": ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt")},
-    "VelCovGeodetic": {"velocity_sigma": ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu")},
-    "AttEuler": {"heading": ("Heading", "Pitch")},
-    "AttCovEuler": {"heading_sigma": ("Cov_HeadHead", "Cov_PitchPitch")},
-}
-_SBF_UNITS = {
-    "place": np.array([*np.degrees([1.0, 1.0]), 1.0]),
-    "velocity": np.array([1.0, 1.0, -1.0]),
-}
-# By protocol and the message's number: what takes it.
-TAKEN: dict[tuple[str, int], Callable[[Any, Solution], None]] = {
-    ("ubx", 0x0107): _ubx_pvt,
-    ("ubx", 0x013C): _ubx_relative,
-    **dict.fromkeys([("sbf", number) for number in (4007, 5906, 5908, 5938, 5939)], _sbf),
-    **dict.fromkeys([("novatel", number) for number in (42, 99, 971, 1335, 2042)], _novatel),
-}
+def _time_s(
+    protocol: str,
+    one: Any,  # noqa: ANN401
+    date_s: float | None,
+    latest_s: float | None,
+) -> float | None:
+    """Return the GPS time of a message nearest to the one before; of no date that of its week."""
+    if protocol == "ubx":
+        return _nearest(one.iTOW * _MS, latest_s, WEEK_S)
+    if protocol != "nmea":
+        return date_s
+    if not hasattr(one, "time") and not hasattr(one, "utctime"):
+        return latest_s
+    at_s = _time_of_day_s(one)
+    if at_s is None or latest_s is None:
+        return None
+    utc_s = _nearest(at_s, latest_s + UNIX_OF_GPS_S, _DAY_S)
+    return float(gps_of_utc(np.array([utc_s]))[0])
+
+
+def _time_of_day_s(one: Any) -> float | None:  # noqa: ANN401
+    at = getattr(one, "time", getattr(one, "utctime", None))
+    if not isinstance(at, time):
+        return None
+    return 3600.0 * at.hour + 60.0 * at.minute + at.second + 1e-6 * at.microsecond
+
+
+def _nearest(seconds: float, near_s: float | None, period_s: float) -> float:
+    """Return seconds of a period in the one in which they are nearest to a time."""
+    if near_s is None:
+        return seconds
+    return seconds + period_s * round((near_s - seconds) / period_s)

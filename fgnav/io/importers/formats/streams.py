@@ -12,6 +12,7 @@ import re
 import struct
 from binascii import crc32, crc_hqx
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,23 +25,19 @@ _SENTENCE = re.compile(rb"\$([A-Z]{2}[A-Z0-9]*),([\x20-\x7e]*)\*([0-9A-Fa-f]{2})
 _ASCII_LOG = re.compile(rb"[#%]([A-Z0-9]+A),[^\r\n*]*\*([0-9a-f]{8})(?:\r?\n|$)")
 _SYNC = re.compile(rb"\xb5\x62|\$@|\$[A-Z]|\xaa\x44[\x12\x13]|[#%][A-Z]|\xd3[\x00-\x03]")
 _LONGEST_LINE = 1000  # bytes
-_LOGS = {b"BESTPOSA": 42, b"BESTVELA": 99, b"HEADINGA": 971, b"HEADING2A": 1335}
-_LOGS[b"DUALANTENNAHEADINGA"] = 2042
-_HEADING = struct.Struct("<II6f")  # length, heading, pitch, and behind a spare one their sigmas
-_LAYOUTS = {  # status and type of the solution, then the fields that count
-    42: struct.Struct("<II3dfI3f"),  # place, undulation, datum, sigmas
-    99: struct.Struct("<II2f3d"),  # latency, age, speed, track, upwards
-    **dict.fromkeys((971, 1335, 2042), _HEADING),
+_HEADING = (struct.Struct("<6f"), ("", "heading", "pitch", "", "sigma_heading", "sigma_pitch"))
+_LOGS = {  # by number: name, layout after status and type, and the names of what counts
+    42: (
+        "BESTPOS",
+        struct.Struct("<3dfI3f"),
+        ("latitude", "longitude", "sea", "undulation", "", "sigma_n", "sigma_e", "sigma_u"),
+    ),
+    99: ("BESTVEL", struct.Struct("<2f3d"), ("", "", "speed", "track", "up")),
+    971: ("HEADING", *_HEADING),
+    1335: ("HEADING2", *_HEADING),
+    2042: ("DUALANTENNAHEADING", *_HEADING),
 }
-
-
-class Log(NamedTuple):
-    """A log of NovAtel's: the OEM7 reference [1]_ has its fields."""
-
-    number: int
-    gps_s: float  # GPS time
-    is_computed: bool
-    fields: tuple[float, ...]  # after its status and type
+_NUMBERS = {name: number for number, (name, *_) in _LOGS.items()}
 
 
 class Message(NamedTuple):
@@ -64,6 +61,8 @@ class Message(NamedTuple):
             return head if head.startswith("P") else head[-3:]
         if self.protocol == "novatel" and not self.number:
             return self.raw[1:].partition(b",")[0].decode()
+        if self.number in _LOGS and self.protocol == "novatel":
+            return _LOGS[self.number][0]
         return f"{'NovAtel' if self.protocol == 'novatel' else 'RTCM'} {self.number}"
 
     def decoded(self) -> Any:  # noqa: ANN401  # made by a library
@@ -117,19 +116,28 @@ def _message(content: bytes, at: int, sync: bytes) -> Message | None:
     return None if crc24(raw) else Message("rtcm3", int.from_bytes(raw[3:5], "big") >> 4, raw)
 
 
-def _log(message: Message) -> Log:
-    """Return the first fields of a log, in binary or ASCII."""
-    layout = _LAYOUTS[message.number]
+def _log(message: Message) -> SimpleNamespace:
+    """Return GPS time and the first fields of a log, in binary or ASCII."""
+    _, layout, names = _LOGS[message.number]
     if message.raw[:1] == b"\xaa":
         week, ms = struct.unpack_from("<HI", message.raw, 14)
-        status, _, *values = layout.unpack_from(message.raw, message.raw[3])
-        return Log(message.number, WEEK_S * week + 1e-3 * ms, status == 0, tuple(values))
-    head, _, body = message.raw.decode("ascii", "replace").partition(";")
-    words, texts = head.split(","), body.partition("*")[0].split(",")
-    count = len(layout.unpack(bytes(layout.size))) - 2
-    values = [float(text) if is_number(text) else np.nan for text in texts[2 : 2 + count]]
-    gps_s = WEEK_S * int(words[5]) + float(words[6])
-    return Log(message.number, gps_s, texts[0] == "SOL_COMPUTED", tuple(values))
+        begin = message.raw[3]
+        is_computed = not any(message.raw[begin : begin + 4])
+        values, gps_s = layout.unpack_from(message.raw, begin + 8), WEEK_S * week + 1e-3 * ms
+    else:
+        head, _, body = message.raw.decode("ascii", "replace").partition(";")
+        words, texts = head.split(","), body.partition("*")[0].split(",")
+        values = tuple(float(x) if is_number(x) else np.nan for x in texts[2 : 2 + len(names)])
+        is_computed, gps_s = texts[0] == "SOL_COMPUTED", WEEK_S * int(words[5]) + float(words[6])
+    log = SimpleNamespace(
+        gps_s=gps_s, is_computed=is_computed, **dict(zip(names, values, strict=True))
+    )
+    if message.number == 42:
+        log.height = log.sea + log.undulation
+    if message.number == 99:
+        track = np.radians(log.track)
+        log.north, log.east = log.speed * np.cos(track), log.speed * np.sin(track)
+    return log
 
 
 def _line(content: bytes) -> Message | None:
@@ -139,7 +147,7 @@ def _line(content: bytes) -> Message | None:
         return Message("nmea", 0, match[0]) if total == int(match[3], 16) else None
     if (match := _ASCII_LOG.match(content)) is not None:
         body = match[0][1:].partition(b"*")[0]
-        number = _LOGS.get(match[1], 0)
+        number = _NUMBERS.get(match[1].decode()[:-1], 0)
         return Message("novatel", number, match[0]) if _crc32(body) == int(match[2], 16) else None
     return None
 

@@ -7,15 +7,12 @@ start and stop. Empty cells are missing values. Columns that no ``[[csv]]`` name
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
-from io import TextIOWrapper
-from itertools import islice
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, quoted
+from fgnav.checks import BadInputError, FloatArray, losses_of, quoted
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
 from fgnav.io.flight.local_frame import place_of_n
@@ -24,10 +21,8 @@ from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import encoding_of, max_bytes, plain_name
-from fgnav.progress import report
+from fgnav.io.user_files import plain_name, read_lines
 
-_ROWS_AT_ONCE = 50_000
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
 _DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
 _GRAVITY = ", or gravity is not in it"
@@ -59,24 +54,33 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
     if unstated is not None:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
-    (first, unused), *others = (_read_table(path, one, settings) for one in described)
-    tables = dict(first.tables)
-    for one, names in others:
-        if one.clock != first.clock:
-            raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
-        unused = [name for name in unused if name in names]
-        for kind, rows in one.tables.items():
-            t_s = rows["t_s"] + (one.gps_start_s - first.gps_start_s)
-            tables[kind] = {**rows, "t_s": t_s}
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
-    missing |= {
-        key: text for one in (first, *(o for o, _ in others)) for key, text in one.missing.items()
-    }
+    tables, counts = dict[str, Samples](), Counter[tuple[str, str]]()
+    clocks, unused = list[tuple[Clock, float]](), list[list[str]]()
     for table in described:
+        cells, others, cut = _cells(path, table)
+        unused.append(others)
+        counts[f"{path.name} line", "has another number of columns"] = cut
+        clock, start_s, samples = _samples(path, table, cells)
+        clocks.append((clock, start_s))
+        if clock != clocks[0][0]:
+            raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
+        if BASELINE[0] in samples:
+            samples = _placed(samples, settings)
+            missing |= {} if settings.origin else {"origin": _LOCAL}
+        tables[table.table] = {**samples, "t_s": samples["t_s"] + (start_s - clocks[0][1])}
         missing |= _unconfirmed(path, table)
+    names = [name for name in unused[0] if all(name in others for others in unused)]
     count = max(len(rows["t_s"]) for rows in tables.values())
-    losses = (*first.losses, unused_columns(path, unused, count, "no [[csv]] names them"))
-    return replace(first, tables=tables, losses=losses, missing=missing)
+    losses = (*losses_of(counts), unused_columns(path, names, count, "no [[csv]] names them"))
+    return Recording(
+        source=path,
+        tables=tables,
+        clock=clocks[0][0],
+        gps_start_s=clocks[0][1],
+        losses=losses,
+        missing=missing,
+    )
 
 
 def _placed(rows: Samples, settings: Settings) -> Samples:
@@ -105,7 +109,8 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
             )
             continue
         names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
-        assumed = table.units.get(kind, next(iter(UNITS[kind])))
+        usual = next(unit for unit, one in UNITS[kind].items() if one.factor == 1)
+        assumed = table.units.get(kind, usual)
         texts.append(
             f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; {assumed} was "
             f"assumed; units are {', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
@@ -114,45 +119,33 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
     return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
 
 
-def _read_table(path: Path, table: CsvTable, settings: Settings) -> tuple[Recording, list[str]]:
-    """Return one table of a text file, and the names of the columns that it does not use."""
-    columns, unused, cut = _cells(path, table)
+def _samples(
+    path: Path, table: CsvTable, columns: Mapping[str, np.ndarray]
+) -> tuple[Clock, float, Samples]:
+    """Return the clock of a table, the GPS time of its ``t_s = 0``, and its numbers."""
     dates = table.units.get("s") == "date"
-    utc = table.clock == "utc"
-    samples = dict[str, FloatArray]()
-    for name, cells in columns.items():
-        if dates and name == "t_s":
-            samples[name], zoned = read_dates(path, cells, utc=utc)
-            if zoned and table.clock == "gps":
-                raise BadInputError(
-                    f"{path}: key csv.clock: must be 'utc' where dates have a time zone, got 'gps' "
-                    f"and {quoted(str(cells[0]))}"
-                )
-        else:
-            samples[name] = _numbers(path, table, name, cells)
-    start_s = gps_seconds(path, table.start) if table.start is not None else 0.0
-    is_dated = dates or table.start is not None or table.clock in ("gps", "utc")
-    clock: Clock = "gps" if is_dated else "week" if table.clock == "week" else "own"
-    if utc and not dates:
+    samples = {
+        name: _numbers(path, table, name, cells)
+        for name, cells in columns.items()
+        if not (dates and name == "t_s")
+    }
+    if dates:
+        t_s, zoned = read_dates(path, columns["t_s"], utc=table.clock == "utc")
+        samples = {"t_s": t_s, **samples}
+        if zoned and table.clock == "gps":
+            raise BadInputError(
+                f"{path}: key csv.clock: must be 'utc' where dates have a time zone, got 'gps' "
+                f"and {quoted(str(columns['t_s'][0]))}"
+            )
+    elif table.clock == "utc":
         samples["t_s"] = gps_of_utc(samples["t_s"])
-    if clock == "gps" and not start_s:  # large numbers: seconds since 1980 keep 0.2 us
-        usable = samples["t_s"][np.isfinite(samples["t_s"])]
-        start_s = float(np.floor(usable[0])) if len(usable) else 0.0
-        samples["t_s"] = samples["t_s"] - start_s
-    losses = [Loss(what=f"{path.name} line", reason="has another number of columns", count=cut)]
-    missing = {}
-    if BASELINE[0] in samples:
-        samples = dict(_placed(samples, settings))
-        missing = {} if settings.origin else {"origin": _LOCAL}
-    recording = Recording(
-        source=path,
-        tables={table.table: samples},
-        clock=clock,
-        gps_start_s=start_s,
-        losses=tuple(losses),
-        missing=missing,
-    )
-    return recording, unused
+    if table.start is not None:
+        return "gps", gps_seconds(path, table.start), samples
+    if not dates and table.clock not in ("gps", "utc"):
+        return ("week" if table.clock == "week" else "own"), 0.0, samples
+    usable = samples["t_s"][np.isfinite(samples["t_s"])]
+    start_s = float(np.floor(usable[0])) if len(usable) else 0.0
+    return "gps", start_s, samples | {"t_s": samples["t_s"] - start_s}  # keeps 0.2 us of 1e9 s
 
 
 def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str], int]:
@@ -160,34 +153,18 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str
 
     Texts are (k,) each.
     """
-    if not path.is_file():
-        raise BadInputError(f"{path}: no such file; check the name")
-    size = path.stat().st_size
-    if size > max_bytes():
-        raise BadInputError(f"{path}: has {size} bytes; FGNAV_MAX_BYTES raises the limit")
-    blocks: list[np.ndarray] = []
-    cut = 0
-    with path.open("rb") as raw:
-        encoding = encoding_of(raw.read(4))
-        raw.seek(0)
-        text = TextIOWrapper(raw, encoding=encoding, errors="replace", newline="")
-        rows = csv.reader(text, delimiter=table.delimiter, skipinitialspace=True)
-        try:
-            for _ in range(table.skip_lines):
-                next(rows, None)
-            head = [cell.strip() for cell in next(rows, [])] if table.header else []
-            block = list(islice(rows, _ROWS_AT_ONCE))
-            width = usual_width(block)
-            places = _places(path, table, head, width)
-            while block:
-                report(raw.tell() / max(size, 1))
-                complete = [[row[k] for k in places] for row in block if len(row) == width]
-                cut += sum(0 < len(row) != width for row in block)
-                blocks.append(np.array(complete, dtype=np.str_).reshape(-1, len(places)))
-                block = list(islice(rows, _ROWS_AT_ONCE))
-        except csv.Error as error:
-            raise BadInputError(f"{path}: line {rows.line_num}: {error}") from None
-    cells = np.concatenate(blocks)
+    lines = read_lines(path)[table.skip_lines :]
+    reader = csv.reader(lines, delimiter=table.delimiter, skipinitialspace=True)
+    try:
+        rows = list(reader)
+    except csv.Error as error:
+        raise BadInputError(f"{path}: line {reader.line_num}: {error}") from None
+    head = [cell.strip() for cell in rows.pop(0)] if table.header and rows else []
+    width = usual_width(rows)
+    places = _places(path, table, head, width)
+    complete = [[row[k] for k in places] for row in rows if len(row) == width]
+    cut = sum(0 < len(row) != width for row in rows)
+    cells = np.array(complete, dtype=np.str_)
     names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
     unused = [name for k, name in enumerate(names) if k not in places]
     return {name: cells[:, k] for k, name in enumerate(table.columns)}, unused, cut
@@ -234,7 +211,7 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
             f"number, got {quoted(got)}{mend}"
         ) from None
     kind = name.rsplit("_", 1)[1]
-    unit = UNITS.get(kind, {}).get(table.units.get(kind, ""), 1.0)
+    unit = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
     column = table.columns[name]
     negative = column < 0 if isinstance(column, int) else column.startswith("-")
     return values * (-unit if negative else unit)

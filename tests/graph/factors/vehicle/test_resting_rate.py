@@ -20,7 +20,7 @@ EARTH_N_RADPS = np.array([5.6e-5, 0.0, -4.7e-5])
 @pytest.fixture(scope="module")
 def car():
     """A car that stands first; its gyroscope's bias is known to .6 degree a second."""
-    flight = standing(20_020, stands_s=STANDS_S, span_s=50.0)
+    flight = standing(20_020, stands_s=STANDS_S, span_s=36.0)
     return replace(flight, imu=replace(flight.imu, gyroscope_bias_radps=0.01))
 
 
