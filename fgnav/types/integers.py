@@ -10,7 +10,7 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
 # Who says what a link's integer is.
-SOURCES = ("resolver", "arc", "array")
+SOURCES = ("resolver", "arc")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -33,8 +33,6 @@ class Integers:
         1 where it found none.
     reasons : tuple of str, length n, or None
         Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
-    evidence : ndarray, shape (n,), or None
-        How much an epoch's phases speak for its integers, log odds, where they were tested.
     source : ndarray of int, shape (n, b, m), or None
         Whose integer a link has, of ``SOURCES``; None: all the resolver's.
     losses : tuple of Loss
@@ -48,7 +46,6 @@ class Integers:
     wrong_probability: FloatArray | None = None
     reasons: tuple[str, ...] | None = None
     losses: tuple[Loss, ...] = ()
-    evidence: FloatArray | None = None
     source: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -59,8 +56,6 @@ class Integers:
         freeze("integers", self, {"ratio": (n, b)}, gaps=True)
         if self.wrong_probability is not None:
             freeze("integers", self, {"wrong_probability": (n,)})
-        if self.evidence is not None:
-            freeze("integers", self, {"evidence": (n,)})
         if self.source is not None:
             freeze("integers", self, {"source": shape}, dtype=np.int64)
         if self.reasons is not None and len(self.reasons) != n:
@@ -95,10 +90,10 @@ class ArcInteger:
         Of the double difference: to the channel of reference; against a base to the oldest arc of
         its carrier.
     wrong_probability : float or None
-        By the evidence of its epochs, or as the resolver states it; None where neither does.
+        As the resolver states it of its epochs; None where it does not.
     by : str
-        Of most of its epochs: ``resolver``, ``arc`` (what the arc's epochs agree on) or ``array``
-        (the epoch's other links); ``base``: integer least squares of differences to a base.
+        Of most of its epochs: ``resolver``, or ``arc`` (what the arc's epochs agree on); ``base``:
+        integer least squares of differences to a base.
     """
 
     link: str

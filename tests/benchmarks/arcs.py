@@ -14,11 +14,11 @@ import numpy as np
 
 from fgnav.checks import BoolArray, IntArray
 from fgnav.gnss.difference import double_differences
+from fgnav.integers.acceptance import phase_links
 from fgnav.integers.arcs.resolver import constrained_arcs, lambda_arcs
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.truth import attitude_at, true_integers
-from fgnav.integers.validation import phase_links
 from fgnav.io.flight.folder import load_flight
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight

@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.checks import BadInputError
-from fgnav.frontend.array.adaptation import adapted
 from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry.rotations import log, transpose
 from fgnav.gnss.difference import double_differences
@@ -19,6 +18,7 @@ from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import motion_so_far, single_differences
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import LowDynamics, causal_gravity, gravity_named
+from fgnav.integers.acceptance import share_so_far, share_threshold
 from fgnav.integers.resolvers.causal import causal_form, looks_ahead
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
@@ -26,7 +26,7 @@ from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.rounding import Rounding
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.integers.validation import share_so_far, share_threshold
+from fgnav.integers.validation import validated
 from fgnav.photodetector import line_of_sight
 from fgnav.types.flight import Flight, Imu
 from fgnav_sim.gnss.tables import OutageTable
@@ -78,7 +78,7 @@ def causal_array(flight, resolver):
     """Differences of the array, what a resolver makes of them, and what agrees of that."""
     differences, resolved = resolve(flight, resolver, causal=True)
     names = tuple(antenna.name for antenna in flight.antennas)
-    return differences, resolved, adapted(differences, resolved, names, FALSE_ALARM, causal=True)
+    return differences, resolved, validated(differences, resolved, names, FALSE_ALARM, causal=True)
 
 
 @cache

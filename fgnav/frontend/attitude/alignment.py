@@ -9,7 +9,6 @@ from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.frontend.array.adaptation import AdaptedArray, adapted
 from fgnav.frontend.array.pivot import View, pivot_losses, pivot_notes, pivot_views
 from fgnav.frontend.attitude.carried import carried_attitudes
 from fgnav.frontend.attitude.epochs import OF_FORM, Alignment, Rows
@@ -18,6 +17,7 @@ from fgnav.frontend.gaps import gap_notes, spans
 from fgnav.frontend.matching import nearest
 from fgnav.gravity import GravityDirection
 from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.validation import ValidatedArray, validated
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
@@ -49,7 +49,7 @@ class ArrayPhases(NamedTuple):
 
     differences: DoubleDifferences
     integers: Integers
-    clean: AdaptedArray
+    clean: ValidatedArray
 
 
 def array_phases(
@@ -76,7 +76,7 @@ def array_phases(
             phases.append(None)  # then these epochs stay without
             continue
         names = tuple(antenna.name for antenna in view.flight.antennas)
-        clean = adapted(differences, integers, names, false_alarm, causal=causal)
+        clean = validated(differences, integers, names, false_alarm, causal=causal)
         phases.append(ArrayPhases(differences, integers, clean))
     return tuple(phases)
 
@@ -158,7 +158,7 @@ def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment
         covariance_rad2=attitude.covariance_rad2,
         valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
         form=clean.form,
-        integers=replace(clean.integers, evidence=clean.evidence, source=clean.source),
+        integers=clean.integers,
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
         rejections=clean.rejections,

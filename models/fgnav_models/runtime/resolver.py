@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.integers.acceptance import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.integers.arcs.resolver import Arcs, noise_as_shown
 from fgnav.integers.array.candidates import Candidates, candidates
 from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
+from fgnav.integers.identification import touched
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.integers.snooping import touched
-from fgnav.integers.validation import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
 from fgnav.neural.manifest import Manifest, Statistic
 from fgnav.neural.measures import Sensor
@@ -240,7 +240,7 @@ def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) 
     top = best[some]
     cycles[some] = listed.cycles[top]
     worse[some] = rows.worse[top] > OUTLIER
-    bad = touched(differences, np.arange(n), worse)
+    bad = touched(differences, worse)
     agrees = ((listed.cycles == cycles[listed.epoch]) | bad[listed.epoch]).all(axis=(1, 2))
     right = np.bincount(listed.epoch, probability * agrees, n)
     wrong[some] = np.where(answers.within[top], np.clip(1.0 - right[some], 0.0, 1.0), 1.0)
