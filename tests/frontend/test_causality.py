@@ -120,12 +120,6 @@ def test_track_before_a_cut_is_the_same(which):
         assert_array_equal(part.used, whole.used[:n, of])
 
 
-@pytest.mark.parametrize(("which", "air"), [("demo", True), ("no atmosphere", False)])
-def test_first_epochs_tell_whether_there_is_an_atmosphere(which, air):
-    assert causal_track(flown(which)).atmosphere is air
-    assert causal_track(truncated(flown(which), 1.0)).atmosphere is air
-
-
 @pytest.mark.parametrize("which", FLIGHTS)
 @pytest.mark.parametrize("resolver", [Constrained(), Lambda()], ids=["constrained", "lambda"])
 def test_array_before_a_cut_is_the_same(which, resolver):
