@@ -1,11 +1,13 @@
 """Resolved integers, and what anything that resolves them looks like."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze, losses_of
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
@@ -74,6 +76,30 @@ class Integers:
             answer = self.wrong_probability < 1.0
         names = np.where(answer, "refused", "float")
         return tuple(np.where(self.fixed.any(axis=(1, 2)), "fixed", names).tolist())
+
+
+def joined(
+    resolver: str, parts: Sequence[Integers], order: IntArray | slice = slice(None)
+) -> Integers:
+    """Return the integers of all epochs of parts, one after another or in an order of these."""
+
+    def column(name: str) -> Any:  # noqa: ANN401  # as the field
+        values = [getattr(part, name) for part in parts]
+        return None if any(v is None for v in values) else np.concatenate(values)[order]
+
+    lost = Counter[tuple[str, str]]()
+    for loss in (loss for part in parts for loss in part.losses):
+        lost[loss.what, loss.reason] += loss.count
+    reasons = column("reasons")
+    return Integers(
+        resolver=resolver,
+        cycles=column("cycles"),
+        fixed=column("fixed"),
+        ratio=column("ratio"),
+        wrong_probability=column("wrong_probability"),
+        reasons=None if reasons is None else tuple(reasons.tolist()),
+        losses=losses_of(lost),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,14 +22,12 @@ from fgnav.integers.ils.array_model import (
 )
 from fgnav.integers.ils.link_weights import weighed
 from fgnav.integers.ils.search import OK, UNFINISHED, solve_subset
-from fgnav.integers.ils.threads import in_blocks
 from fgnav.kernels.compiled import inlined, kernel
 from fgnav.types.differences import DoubleDifferences
 
 NOTHING, WEAK, ILL = range(10, 13)  # how an epoch can end besides OK and UNFINISHED
 
 _NODES = 10**7  # 0.15 s; realistic searches take 1e2 to 1e5, and beyond the answer is seldom right
-_BLOCK = 32  # epochs a thread takes at once, 1 us each or more
 _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
 
 
@@ -51,7 +49,7 @@ class ArraySearch(NamedTuple):
 def search_array(
     differences: DoubleDifferences, *, joint: bool, success_min: float = 0.0
 ) -> ArraySearch:
-    """Resolve every epoch by integer least squares, epochs in parallel.
+    """Resolve every epoch by integer least squares.
 
     Parameters
     ----------
@@ -73,11 +71,7 @@ def search_array(
         np.full((n, b, 2), np.nan),
         np.full((n, b), NOTHING),
     )
-
-    def search_block(block: slice) -> None:
-        _search_epochs(epochs, arrays, blocks, result, block.start, block.stop, success_min)
-
-    in_blocks(search_block, n, least=_BLOCK)
+    _search_epochs(epochs, arrays, blocks, result, success_min)
     return result
 
 
@@ -103,11 +97,9 @@ def _search_epochs(
     arrays: Spans,
     blocks: BoolArray,
     result: ArraySearch,
-    first: int,
-    last: int,
     success_min: float,
 ) -> None:
-    for k in range(first, last):
+    for k in range(len(result.cycles)):
         for s in range(len(blocks)):
             links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], blocks[s])
             if len(links) == 0:
