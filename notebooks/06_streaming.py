@@ -27,7 +27,7 @@ import matplotlib.pyplot as plt
 import msgspec
 import numpy as np
 
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.assembly.truncation import truncated
 from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.integers.resolvers.truth import attitude_at

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import norm
 
+from fgnav.alignment.in_motion.windows import in_motion_smoothed
+from fgnav.alignment.matching import nearest
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_by_fixes
 from fgnav.attitude.receiver_baselines import (
     KNOWN_RAD,
@@ -23,8 +25,6 @@ from fgnav.attitude.receiver_baselines import (
 )
 from fgnav.diagnostics.contents import Finding
 from fgnav.diagnostics.windows import FALSE_ALARM
-from fgnav.frontend.attitude.in_motion import in_motion_smoothed
-from fgnav.frontend.matching import nearest
 from fgnav.geometry.interpolation import interpolate
 from fgnav.types.flight import Baseline, Flight
 

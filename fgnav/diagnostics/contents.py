@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, Loss
-from fgnav.frontend.faulty_samples import stuck_axis, stuck_run, stuck_unit
+from fgnav.integrity.imu_screen import stuck_axis, stuck_run, stuck_unit
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.observations import Observations
 

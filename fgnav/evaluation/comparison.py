@@ -320,11 +320,11 @@ def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Outcome
     """Return the bound of the first smoothing problem, one that knows the whole flight if any."""
     if flight.truth is None:
         return Angles()
-    from fgnav.frontend.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
+    from fgnav.assembly.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
     keys = sorted(prepared_by_key, key=lambda key: bool(getattr(key, "causal", False)))
     for one in (prepared_by_key[key] for key in keys):
-        if isinstance(one.value, PreparedFlight) and not one.value.stretches:
+        if isinstance(one.value, PreparedFlight):
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 
             try:

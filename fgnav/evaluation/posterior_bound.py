@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from fgnav.alignment.rates import swing_n_mps
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.evaluation.scores import EULER, Angles
-from fgnav.frontend.attitude.rates import swing_n_mps
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.cubic_spline import cubic_spline
 from fgnav.geometry.rotations import euler_jacobian, log, transpose
 from fgnav.graph.types.states import States

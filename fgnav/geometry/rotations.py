@@ -8,10 +8,10 @@ _SMALL_RAD = 1e-6  # below, the series is exact to double precision
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """Return (n, 3, 3) matrices with ``skew(a) @ b == cross(a, b)`` for (n, 3) vectors."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    out[:, 1, 0], out[:, 2, 0], out[:, 2, 1] = v[:, 2], -v[:, 1], v[:, 0]
+    """Return (..., 3, 3) matrices with ``skew(a) @ b == cross(a, b)`` for (..., 3) vectors."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    out[..., 1, 0], out[..., 2, 0], out[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
     return out
 
 

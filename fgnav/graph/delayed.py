@@ -23,9 +23,9 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.geometry.rotations import exp, transpose
+from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
+from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
@@ -33,7 +33,6 @@ from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
-_GYROSCOPE_AUX = 6
 _NO_GYROSCOPE = np.empty((0, 3))
 
 
@@ -87,32 +86,30 @@ class Delayed(WrappedSensor):
     """Measurements of other times than their keyframes'."""
 
     motion: TimedMotion  # at the keyframes of the k measurements
-    # Of the unit's clock, s and parts per million, and of the measurement's delay, s; -1 of what is
-    # not estimated.
-    offset_column: int
-    rate_column: int
-    delay_column: int
+    # Names of the unit's clock, s and parts per million, and of the measurement's delay, s.
+    times: tuple[str, str, str]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the constants in the model."""
+        return (*self.times, *self.measurement.parameters)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Sensor``."""
         at, which = contiguous(at, which)
-        columns = self.offset_column, self.rate_column, self.delay_column
+        offset, rate, delay = map(self.constants.column, self.times)
+        columns = offset, rate, delay
         values = at.constants[None] if len(which) == 1 else np.tile(at.constants, (len(which), 1))
         later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, which)
-        moved, Phi, rate = _carried(at, which, later_s, self.motion)
+        moved, Phi, by_time = _carried(at, which, later_s, self.motion)
         value, state, shared = self.measurement.linearise(moved, which)
         of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
-        return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, rate, by_constant))
+        return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, by_time, by_constant))
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
-        columns = [self.offset_column, self.rate_column, self.delay_column]
-        _, _, shared = self.measurement.linearise(_anywhere(self), np.array([i]))
-        inner = np.flatnonzero(shared[0].any(axis=0)).tolist()
         vector: Use = "angular_motion" if self.motion.measured_b_radps is None else "imu_bias"
-        uses: tuple[Use, ...] = ("pose", "velocity", vector)
-        parts = parts_of(self.constants, (*columns, *inner))
-        return sensor_factor(self, i, key, uses, parts, rows=shared.shape[1])
+        return sensor_factor(self, i, key, ("pose", "velocity", vector))
 
 
 def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) -> Solution:
@@ -145,14 +142,6 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) 
     )
 
 
-def _anywhere(delayed: Delayed) -> States:
-    """Return a state at which an inner measurement shows what it depends on."""
-    aux = 12 if delayed.motion.measured_b_radps is None else _GYROSCOPE_AUX
-    R_nb = exp(np.array([[0.3, -0.2, 0.1]]))
-    ones = np.ones((1, 3))
-    return States(R_nb, ones, ones, np.ones((1, aux)), np.ones(delayed.constants.width))
-
-
 def _carried(
     at: States, which: IntArray, later_s: FloatArray, motion: TimedMotion
 ) -> tuple[States, FloatArray, FloatArray]:
@@ -173,35 +162,24 @@ def _carried(
 
 
 def on_clock(
-    measurement: Sensor,
-    motion: TimedMotion,
-    constants: Constants,
-    *,
-    delay: str = "",
-    clock: bool = True,
+    measurement: Sensor, motion: TimedMotion, *, delay: str = "", clock: bool = True
 ) -> Sensor:
-    """Return a measurement with its delay, and the unit's clock, if the constants have any.
+    """Return a measurement of a problem with its delay, and the unit's clock, if it has any.
 
     Parameters
     ----------
     measurement : Sensor
     motion : TimedMotion
         At all keyframes.
-    constants : Constants
     delay : str
         Name of the measurement's own delay.
     clock : bool
         Whether it is to depend on the clock.
     """
-    columns = [constants.column(name) if clock else -1 for name in (CLOCK_OFFSET, CLOCK_RATE)]
-    columns.append(constants.column(delay) if delay else -1)
-    if max(columns) < 0:
+    wanted = (CLOCK_OFFSET, CLOCK_RATE, delay) if clock else ("", "", delay)
+    constants = measurement.constants
+    offset, rate, late = (name if constants.column(name) >= 0 else "" for name in wanted)
+    if not (offset or rate or late):
         return measurement
-    return Delayed(
-        measurement=measurement,
-        motion=motion.at(measurement.row),
-        offset_column=columns[0],
-        rate_column=columns[1],
-        delay_column=columns[2],
-        constants=constants,
-    )
+    times = offset, rate, late
+    return Delayed(measurement=measurement, motion=motion.at(measurement.row), times=times)

@@ -1,7 +1,7 @@
 """One measurement as a ``gtsam.CustomFactor``, by the kernel that states its model."""
 
-from collections.abc import Callable, Iterable
-from typing import Literal, Protocol, TypeAlias
+from collections.abc import Callable
+from typing import Literal, TypeAlias
 
 import gtsam
 import numpy as np
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from fgnav.checks import FloatArray
 from fgnav.graph import keys as symbols
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
 
@@ -31,49 +30,26 @@ _BLOCKS = {
 }
 
 
-class _WithConstants(Sensor, Protocol):
-    """A measurement whose model has constants of the flight in it."""
-
-    @property
-    def constants(self) -> Constants: ...
-
-
-def parts_of(constants: Constants, columns: Iterable[int]) -> tuple[int, ...]:
-    """Return which parts of the constants columns belong to, each once; none of -1."""
-    spans = list(enumerate(_spans(constants)))
-    return tuple(sorted({p for c in columns for p, span in spans if span.start <= c < span.stop}))
-
-
 def sensor_factor(
-    measurement: _WithConstants,
-    i: int,
-    key: int,
-    uses: tuple[Use, ...],
-    parts: tuple[int, ...],
-    *,
-    rows: int,
+    measurement: Sensor, i: int, key: int, uses: tuple[Use, ...]
 ) -> gtsam.CustomFactor:
     """Return measurement i as a factor of keyframe ``key``, by ``measurement.linearise``.
 
     Parameters
     ----------
     measurement : Sensor
-        With the ``constants`` of the flight.
     i : int
     key : int
         Number of the keyframe.
     uses : tuple of str
-        Which of its variables the residual depends on.
-    parts : tuple of int
-        Which constants it depends on, besides.
-    rows : int
-        Of its residual, m.
+        Which of its variables the residual depends on, besides the constants that it names.
     """
-    spans, which = _spans(measurement.constants), np.array([i])
+    constants, which = measurement.constants, np.array([i])
     variables = [(_SYMBOLS[use](key), use) for use in uses]
-    shared = [(symbols.constant(p), spans[p]) for p in parts]
-    blocks, columns = [_BLOCKS[use] for use in uses], [spans[p] for p in parts]
-    linearise, first = measurement.linearise, len(uses)
+    parts = [p for p, of in enumerate(constants.parts) if of.name in measurement.parameters]
+    columns = [constants.columns(constants.parts[p].name) for p in parts]
+    shared = list(zip(map(symbols.constant, parts), columns, strict=True))
+    blocks, linearise, first = [_BLOCKS[use] for use in uses], measurement.linearise, len(uses)
     at: States | None = None
     readers: list[_Read] = []
 
@@ -82,7 +58,7 @@ def sensor_factor(
     ) -> NDArray[np.float64]:
         nonlocal at, readers
         if at is None:  # values know how long a keyframe's vector is
-            at = _one_state(values, variables, spans)
+            at = _one_state(values, variables, constants.width)
             readers = [_read_state(symbol, use, at) for symbol, use in variables]
             readers += [_read_vector(symbol, at.constants[span]) for symbol, span in shared]
         for read in readers:
@@ -96,22 +72,11 @@ def sensor_factor(
         residual: NDArray[np.float64] = value[0]
         return residual
 
-    unit = gtsam.noiseModel.Unit.Create(rows)
+    unit = gtsam.noiseModel.Unit.Create(measurement.rows)
     return gtsam.CustomFactor(unit, [symbol for symbol, _ in (*variables, *shared)], error)
 
 
-def _spans(constants: Constants) -> list[slice]:
-    """Return the columns of each part; ``Constants.first`` takes five times as long."""
-    spans, first = [], 0
-    for part in constants.parts:
-        spans.append(slice(first, first + len(part.mean)))
-        first = spans[-1].stop
-    return spans
-
-
-def _one_state(
-    values: gtsam.Values, variables: list[tuple[int, Use]], spans: list[slice]
-) -> States:
+def _one_state(values: gtsam.Values, variables: list[tuple[int, Use]], constants: int) -> States:
     """Return room for one keyframe's state; ``aux`` is empty where it is not used."""
     aux = 0
     for symbol, use in variables:
@@ -122,7 +87,7 @@ def _one_state(
         p_n_m=np.zeros((1, 3)),
         v_n_mps=np.zeros((1, 3)),
         aux=np.zeros((1, aux)),
-        constants=np.zeros(spans[-1].stop if spans else 0),
+        constants=np.zeros(constants),
     )
 
 

@@ -1,1 +1,1 @@
-"""What contradicts: verdicts on sensors by their innovations, and the exclusion of a suspect."""
+"""What contradicts: samples screened before, verdicts after, and the exclusion of a suspect."""

@@ -55,7 +55,22 @@ def _compiled_at_ease(dispatcher: Any) -> Any:  # noqa: ANN401  # numba has no t
 
     compile_at_ease.__code__ = compile_at_ease.__code__.replace(co_stacksize=_STACK_SLOTS)
     dispatcher.compile = compile_at_ease
+    _without_stale_cache(dispatcher._cache)  # numba has no other door to it
     return dispatcher
+
+
+def _without_stale_cache(cache: Any) -> None:  # noqa: ANN401  # numba has no types
+    """Let a kernel that an earlier version compiled be compiled anew where its modules are gone."""
+    load = cache.load_overload
+
+    def load_overload(signature: object, context: object) -> object:
+        try:
+            return load(signature, context)
+        except (ImportError, AttributeError):
+            cache.flush()
+            return None
+
+    cache.load_overload = load_overload
 
 
 def inner_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:

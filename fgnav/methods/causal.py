@@ -6,13 +6,14 @@ time on depends on nothing later.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import NoSolutionError
-from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.prepared import PreparedFlight, Stretch
-from fgnav.frontend.settings import ProblemSettings
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.settings import ProblemSettings
+from fgnav.assembly.truncation import truncated
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight
@@ -20,6 +21,21 @@ from fgnav.types.flight import Flight
 _FIRST_S = 30.0  # as many fixes at one a second
 _MOVED_S = 5.0  # half a dozen of them in motion
 _KEYFRAMES = 10  # fewest before motion that determine any noise
+
+
+class Stretch(NamedTuple):
+    """A flight up to a time, as it is prepared for estimates from another time on."""
+
+    from_s: float
+    until_s: float  # estimates before it
+    flight: Flight
+    prepared: PreparedFlight
+
+    def answers(self, t_s: FloatArray) -> BoolArray:
+        """Return which times, (k,), it estimates: a corrected clock moves what is covered."""
+        covered_s = self.prepared.problem.t_s
+        within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
+        return np.asarray(within & (t_s <= covered_s[-1]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,7 +68,7 @@ def stretches(
     ahead_s: float,
     build: Build,
 ) -> tuple[Stretch, ...]:
-    """Return the stretches of a flight, in turn; none where all is as stated throughout.
+    """Return the stretches of a flight, in turn: one where all is as stated throughout.
 
     Parameters
     ----------
@@ -72,7 +88,7 @@ def stretches(
     for s in times_s:
         results.append(identification(flight, settings, s, build, results[-1]))
     if all(one.is_nominal for one in results):
-        return ()
+        return (Stretch(-np.inf, np.inf, flight, prepared),)
     parts: list[Stretch] = []
     before: Identification | None = None
     edges_s = [-np.inf, *times_s, np.inf]

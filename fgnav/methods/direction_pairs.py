@@ -6,11 +6,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from fgnav.alignment.matching import nearest, unused
 from fgnav.attitude.flight_vectors import Track, measured_vectors
 from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, stacked
 from fgnav.checks import Loss
-from fgnav.frontend.matching import nearest, unused
 from fgnav.geometry.earth import Origin
 from fgnav.gravity import GravityDirection, GravityEstimator
 from fgnav.methods.smoothing.custom_sources import with_networks

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.problem import build_problem
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.types.problem import Problem
 from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
@@ -82,7 +82,7 @@ class ObservationStream:
         self._spans: list[_Span] = []  # that keyframes to come may be in
         self._plain: PreparedFlight | None = None  # as stated, up to where the heading is known
         self._window: FixedLag | None = None
-        self._of: tuple[float, float, int, bool] | None = None  # look, integers, constants, open
+        self._of: tuple[float, int, bool] | None = None  # look, constants, open
         self._taken_s = -np.inf  # keyframe that entered it last
         self._newest: Departed
         self._last_s = -np.inf  # keyframe that was returned last
@@ -168,8 +168,8 @@ class ObservationStream:
             t_s = prepared.problem.t_s
             new = (t_s > self._last_s) & (t_s >= span.from_s) & (t_s < end_s) & (t_s <= until_s)
             for at_s in t_s[new].tolist():
-                as_then, problem = self._begun(prepared, span.from_s, at_s)
-                due.append(self._keyframe(as_then, problem, at_s))
+                problem = self._begun(prepared, span.from_s, at_s)
+                due.append(self._keyframe(prepared, problem, at_s))
                 self._last_s = at_s
         while len(self._spans) > 1 and self._spans[1].from_s <= self._last_s:
             del self._spans[0]
@@ -213,29 +213,23 @@ class ObservationStream:
         self._pieces = [flight]
         return flight
 
-    def _begun(
-        self, prepared: PreparedFlight, look_s: float, at_s: float
-    ) -> tuple[PreparedFlight, Problem]:
-        """Return a problem as of a time, what windows have of it, the keyframes before in one.
+    def _begun(self, prepared: PreparedFlight, look_s: float, at_s: float) -> Problem:
+        """Return what windows have of a problem at a time, the keyframes before in one.
 
         The window begins again where its problem is another one.
         """
-        revised_s = prepared.revised_s
-        if len(revised_s):
-            prepared = prepared.as_of(at_s)
         opening = prepared.opening
         is_open = opening is not None and at_s < opening.until_s
-        by_s = max((s for s in revised_s.tolist() if s <= at_s), default=-np.inf)
-        problem = opening.problem if opening is not None and is_open else prepared.windowed
-        of = look_s, by_s, problem.constants.width  # of a sensor that begins, or comes back
-        is_another = self._of is None or self._of[:3] != of
+        problem = opening.problem if opening is not None and is_open else prepared.problem
+        of = look_s, problem.constants.width  # of a sensor that begins, or comes back
+        is_another = self._of is None or self._of[:2] != of
         if is_another and opening is not None and not is_open:
             self._window = None
             self._advance(prepared, opening.problem, opening.keyframes)
         if self._of != (*of, is_open):
             self._window, self._of = None, (*of, is_open)
         self._advance(prepared, problem, int(np.searchsorted(problem.t_s, at_s)))
-        return prepared, problem
+        return problem
 
     def _keyframe(self, prepared: PreparedFlight, problem: Problem, at_s: float) -> _Keyframe:
         """Let a keyframe enter the window."""

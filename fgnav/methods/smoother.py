@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from fgnav.assembly.calibration_request import calibration_requests
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
-from fgnav.frontend.calibration_request import calibration_requests
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.prepared import PreparedFlight, by_integers
-from fgnav.frontend.problem import build_problem
-from fgnav.frontend.recording import with_noise_of_record
-from fgnav.frontend.settings import ProblemSettings
 from fgnav.graph.between import nearest_keyframes, regular_times, with_times
 from fgnav.graph.innovations import InnovationSeries, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
+from fgnav.integrity.imu_recording import with_noise_of_record
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
 from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
@@ -38,6 +38,7 @@ from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
     from fgnav.graph.custom import NamedFactor
+    from fgnav.methods.causal import Stretch
     from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
@@ -58,7 +59,7 @@ class Smoother:
         Source of gravity directions in body axes.
     estimate : tuple of str
         What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
-        ``frontend.calibration_request``.
+        ``assembly.calibration_request``.
     factors : tuple or None
         Sources of custom factors: callables ``(flight, timeline)`` that yield GTSAM factors, names
         of installed ones (entry points ``fgnav.factors``), or manifests of networks (``neural``);
@@ -144,11 +145,12 @@ class Smoother:
         if rate_hz is not None:
             t_s = regular_times(prepared.problem, rate_hz)
         t_s = np.asarray(t_s)
-        if not prepared.stretches:
+        stretches = self._stretches(flight, prepared)
+        if len(stretches) == 1:
             return self._at(flight, prepared, t_s)
         parts = [
             self._at(one.flight, one.prepared, t_s[within])
-            for one in prepared.stretches
+            for one in stretches
             if (within := one.answers(t_s)).any()
         ]
         return concatenate_estimates(parts, len(t_s), len(t_s))
@@ -173,8 +175,8 @@ class Smoother:
 
     @in_one_thread
     def prepare(self, flight: Flight) -> PreparedFlight:
-        """Return the smoothing problem of a flight."""
-        return self._prepared_so_far(flight) if self.causal else self._prepared(flight)
+        """Return the smoothing problem of a flight; of causal methods with nominal noise."""
+        return build_problem(flight, self.preparation) if self.causal else self._prepared(flight)
 
     def _prepared(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a whole flight."""
@@ -194,18 +196,15 @@ class Smoother:
             prepared = identified_by_evidence(prepared)
         return prepared
 
-    def _prepared_so_far(self, flight: Flight) -> PreparedFlight:
-        """Return the smoothing problem of a causal method, in stretches as its past has them."""
-        settings = self.preparation
-        prepared = build_problem(flight, settings)
-        if self.noise == "identified":
-            from fgnav.methods.causal import stretches  # noqa: PLC0415  # lazy: gtsam
+    def _stretches(self, flight: Flight, prepared: PreparedFlight) -> "tuple[Stretch, ...]":
+        """Return what is estimated with hyperparameters of its own: by the past, if causal."""
+        from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
 
-            ahead_s = self.lag_s + 2 * BLOCK_S
-            build = partial(build_problem, last=LastObservations())
-            spans = stretches(flight, settings, prepared, ahead_s, build)
-            prepared = replace(prepared, stretches=spans)
-        return replace(prepared, stretches=by_integers(flight, prepared, self._waits_s))
+        if not (self.causal and self.noise == "identified"):
+            return (Stretch(-np.inf, np.inf, flight, prepared),)
+        ahead_s = self.lag_s + 2 * BLOCK_S
+        build = partial(build_problem, last=LastObservations())
+        return stretches(flight, self.preparation, prepared, ahead_s, build)
 
     @in_one_thread
     def estimate_prepared(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
@@ -221,20 +220,16 @@ class Smoother:
 
     def _estimated_so_far(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
         """Estimate each stretch of a flight by what was known when it began."""
-        if not prepared.stretches:
-            return self._estimated(flight, prepared)
+        stretches = self._stretches(flight, prepared)
+        if len(stretches) == 1:
+            return self._estimated(flight, stretches[0].prepared)
         parts, due = [], 0
-        for one in prepared.stretches:
+        for one in stretches:
             t_s = one.prepared.problem.t_s
             due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
             estimate = self._estimated(one.flight, one.prepared)
             parts.append(among(estimate, one.from_s, one.until_s))
         return concatenate_estimates(parts, max(one.epochs for one in parts), due)
-
-    @property
-    def _waits_s(self) -> float:
-        """How much of what comes later a causal estimate takes part of."""
-        return self.lag_s
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
@@ -308,15 +303,11 @@ class Forward(Smoother):
     lag_s: float = 1.0
     name: str = "forward"
 
-    @property
-    def _waits_s(self) -> float:
-        return 0.0
-
     def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
         from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
 
         opening = prepared.opening
-        return solve_forward(prepared.windowed, self.lag_s, custom=custom, opening=opening)
+        return solve_forward(prepared.problem, self.lag_s, custom=custom, opening=opening)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from fgnav.checks import FloatArray
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     of_time,
     of_vehicle,
 )
+from fgnav.checks import FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
-from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import Problem
@@ -27,7 +27,7 @@ from fgnav.graph.types.solution import Solution
 from fgnav.noise.decimation import Subset
 
 _FALSE_ALARM = 6e-5  # of a constant that is zero: 4 sigma
-CLOCK, LATENCY, LEVER_ARM = "clock", "velocity-delay", "lever-arm"
+CLOCK, LATENCY = "clock", "velocity-delay"
 _COLUMNS = {CLOCK: (CLOCK_OFFSET, CLOCK_RATE), LATENCY: (VELOCITY_DELAY,), LEVER_ARM: (LEVER_ARM,)}
 
 
@@ -63,26 +63,15 @@ def with_latency_and_lever_arm(
         for part in (of_time(one) if one.kind == LATENCY else (of_vehicle(one),))
     )
     extended = problem.with_constants(parts)
-    constants = extended.constants
-    arm = constants.column(LEVER_ARM) if LEVER_ARM in kinds else -1
-    measurements = []
-    for one in extended.sensors:
-        changed: Sensor = one
-        if arm >= 0 and isinstance(one, Position | Velocity):
-            changed = replace(one, lever_column=arm)
-        elif isinstance(one, Subset):
-            inner, kept = one.measurement, one
-            if arm >= 0 and isinstance(inner, Position | Velocity):
-                changed = kept = replace(one, measurement=replace(inner, lever_column=arm))
-            if one.name == "velocity" and LATENCY in kinds:
-                led = timed.led[one.row]
-                late = replace(kept, indices=one.indices[led], row=one.row[led])
-                changed = on_clock(late, timed, constants, delay=VELOCITY_DELAY, clock=False)
-        measurements.append(changed)
-    phase = extended.phase
-    if phase is not None and arm >= 0:
-        phase = replace(phase, lever_column=arm)
-    return replace(extended, sensors=tuple(measurements), phase=phase)
+    sensors: list[Sensor] = []
+    for sensor in extended.sensors:
+        if sensor.name == Velocity.name and LATENCY in kinds and isinstance(sensor, Subset):
+            led = timed.led[sensor.row]
+            late = replace(sensor, indices=sensor.indices[led], keyframes=sensor.row[led])
+            sensors.append(on_clock(late, timed, delay=VELOCITY_DELAY, clock=False))
+        else:
+            sensors.append(sensor)
+    return replace(extended, sensors=tuple(sensors))
 
 
 def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ...]:

@@ -12,8 +12,8 @@ where the clock is right; so timestamps are moved by what is found, until nothin
 from dataclasses import dataclass, replace
 from typing import NamedTuple, cast
 
+from fgnav.assembly.calibration_request import calibration_requests, of_time
 from fgnav.checks import IntArray
-from fgnav.frontend.calibration_request import calibration_requests, of_time
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.delayed_kernel import PPM
 from fgnav.graph.inertial.gyro_free import GyroFree

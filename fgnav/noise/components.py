@@ -117,9 +117,7 @@ class NoiseComponents:
             rows = self.problem.sensors[one.measurement].row
             of_sensor.setdefault(one.measurement, np.ones(len(rows)))[one.rows] = factor[one.name]
         measurements = tuple(
-            RescaledSensor(measurement=one, constants=self.problem.constants, factors=of_sensor[i])
-            if i in of_sensor
-            else one
+            RescaledSensor(measurement=one, factors=of_sensor[i]) if i in of_sensor else one
             for i, one in enumerate(self.problem.sensors)
         )
         white = [

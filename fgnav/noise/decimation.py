@@ -17,7 +17,7 @@ from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.sensor import Linearised, Sensor
+from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
 from fgnav.graph.types.states import States
 
 _KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %
@@ -25,25 +25,24 @@ _INTERVAL_S = 1.0
 _VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Subset:
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Subset(WrappedSensor):
     """Some of a sensor's measurements, numbered by the keyframes of a decimated problem."""
 
-    measurement: Sensor
     indices: IntArray  # (k,): of its rows
-    row: IntArray  # (k,): keyframes
+    keyframes: IntArray  # (k,)
 
     @classmethod
     def at(cls, measurement: Sensor, keyframes: IntArray) -> "Subset":
         """Return the measurements of some keyframes."""
         indices = np.flatnonzero(np.isin(measurement.row, keyframes))
-        row = np.searchsorted(keyframes, measurement.row[indices])
-        return cls(measurement, indices, row)
+        places = np.searchsorted(keyframes, measurement.row[indices])
+        return cls(measurement=measurement, indices=indices, keyframes=places)
 
     @property
-    def name(self) -> str:
-        """Name of the sensor."""
-        return self.measurement.name
+    def row(self) -> IntArray:
+        """Keyframes, (k,)."""
+        return self.keyframes
 
     @property
     def freedom(self) -> IntArray:
@@ -59,8 +58,8 @@ class Subset:
         return self.measurement.factor(int(self.indices[i]), key)
 
     def on(self, row: IntArray) -> "Subset":
-        """Return the same measurements at other rows, (k,)."""
-        return replace(self, row=row)
+        """Return the same measurements at other keyframes, (k,)."""
+        return replace(self, keyframes=row)
 
 
 def decimated(problem: Problem) -> tuple[Problem, IntArray]:

@@ -15,15 +15,15 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fgnav.frontend.calibration_request import CalibrationRequest, calibration_requests
-from fgnav.frontend.prepared import PreparedFlight
-from fgnav.frontend.settings import ProblemSettings
+from fgnav.assembly.calibration_request import CalibrationRequest, calibration_requests
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.settings import ProblemSettings
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
 from fgnav.noise.calibration import (
     CLOCK,
     LATENCY,
-    LEVER_ARM,
     Calibrated,
     calibrated,
     with_latency_and_lever_arm,

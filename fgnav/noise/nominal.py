@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from fgnav.frontend.settings import ProblemSettings
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.noise.components import AT_REST, INSTRUMENTS
 from fgnav.types.flight import Fixes, Flight, Imu
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fgnav.noise.calibration import LATENCY, LEVER_ARM, sentences
+from fgnav.graph.factors.position import LEVER_ARM
+from fgnav.noise.calibration import LATENCY, sentences
 from fgnav.noise.components import AT_REST, WHITE
 from fgnav.noise.identify import Hyperparameters
 from fgnav.noise.nominal import FIELDS, unstated

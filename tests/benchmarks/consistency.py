@@ -20,10 +20,10 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 from scipy.special import chdtri, erf
 
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray
 from fgnav.evaluation.bound import attitude_bound
 from fgnav.evaluation.posterior_bound import posterior_bound
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.truth import Truth, attitude_at

@@ -8,7 +8,7 @@ import numpy as np
 from fgnav_sim.gnss.tables import Point
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.frontend.flights import GYROSCOPE
+from tests.assembly.flights import GYROSCOPE
 from tests.methods.simulated import SCENARIOS
 
 NEAR = Point(latitude_deg=40.34, longitude_deg=-3.87, height_m=650.0)  # 1.4 km from the start

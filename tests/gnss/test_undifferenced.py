@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.assembly.truncation import truncated
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav_sim.gnss.tables import OutageTable, SlipsTable
 from tests.gnss.based import antenna_n_m, flown

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from fgnav.graph.delayed import (
     CLOCK_OFFSET,
@@ -16,8 +15,8 @@ from fgnav.graph.delayed import (
 from fgnav.graph.factors.position import Position
 from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.solution import Solution
-from tests.graph.factors import cases
-from tests.graph.factors.test_velocity import EARTH_N_RADPS, K, velocities
+from tests.graph.factors import cases, sensors
+from tests.graph.factors.sensors import K
 
 TIMES = Constants(
     (
@@ -28,38 +27,6 @@ TIMES = Constants(
     )
 )
 VALUES = np.array([0.0, 0.03, 2000.0, 0.1])
-
-
-def timed(rng, *, gyroscope):
-    force = rng.normal(size=(K, 3))  # the same before and after: differences cross zero
-    return TimedMotion(
-        since_s=np.array([-20.0, 5.0, 10.0, 30.0]),
-        force_before_b_mps2=force,
-        force_after_b_mps2=force,
-        led=np.ones(K, dtype=bool),
-        measured_b_radps=rng.normal(size=(K, 3)) if gyroscope else None,
-        slope_b_radps2=rng.normal(size=(K, 3)) if gyroscope else None,
-        gravity_n_mps2=np.tile([0.0, 0.0, 9.8], (K, 1)),
-        earth_rate_n_radps=EARTH_N_RADPS,
-    )
-
-
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_jacobians_equal_differences(gyroscope):
-    rng = np.random.default_rng(1)
-    at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
-    part = velocities(rng, TIMES, gyroscope=gyroscope)
-    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
-    cases.assert_jacobians(late, at)
-
-
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_gtsam_says_the_same(gyroscope):
-    rng = np.random.default_rng(2)
-    at = cases.random_states(K, TIMES, rng, gyroscope=gyroscope)._replace(constants=VALUES)
-    part = velocities(rng, TIMES, gyroscope=gyroscope)
-    late = on_clock(part, timed(rng, gyroscope=gyroscope), TIMES, delay=VELOCITY_DELAY)
-    cases.assert_gtsam_says_the_same(late, at, TIMES)
 
 
 def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
@@ -87,23 +54,22 @@ def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
         value_n_m=np.array([[1.01, 0.0, 0.0]]),
         white=np.eye(3)[None],
         arm_b_m=np.zeros(3),
-        lever_column=-1,
-        constants=TIMES,
     )
-    late = on_clock(position, level, TIMES)
+    late = on_clock(position.bound(TIMES), level)
     assert np.abs(late.linearise(at, np.zeros(1, dtype=int)).value).max() < 1e-14
 
 
 def test_without_clock_or_delay_a_measurement_stays_as_it_is():
-    rng, none = np.random.default_rng(4), cases.constants(1)
-    part = velocities(rng, none, gyroscope=True)
-    assert on_clock(part, timed(rng, gyroscope=True), none, delay=VELOCITY_DELAY) is part
+    rng, none = np.random.default_rng(4), sensors.constants("another")
+    at = cases.random_states(K, none, rng, gyroscope=True)
+    part = sensors.velocity(rng, at).bound(none)
+    assert on_clock(part, sensors.timed(rng, at), delay=VELOCITY_DELAY) is part
 
 
 def test_covariances_of_solutions_on_gnss_time_are_those_of_samples():
     rng = np.random.default_rng(5)
-    motion = timed(rng, gyroscope=True)
     at = cases.random_states(K, TIMES, rng, gyroscope=True)._replace(constants=VALUES)
+    motion = sensors.timed(rng, at)
     D, b = at.width, TIMES.width
     scale = np.concatenate([np.full(D, 1e-3), [1e-3, 1e-3, 1.0, 1e-3]])
     root = scale[:, None] * np.tril(rng.normal(size=(D + b, D + b)))

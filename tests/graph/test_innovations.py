@@ -8,16 +8,17 @@ from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.custom import named, residual_factor
 from fgnav.graph.factors.array_phase import ArrayPhase
-from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.position import LEVER_ARM, Position
 from fgnav.graph.innovations import (
     custom_innovations,
     innovation_series,
     normalised_innovations,
 )
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION
-from tests.graph.factors import cases
+from tests.graph.factors import cases, sensors
 
 N, D = 5, 21
 
@@ -71,14 +72,13 @@ def positions(at, shared, rng, *, sigma_m: float = 1.0, lever: bool = False) -> 
         value_n_m=at.p_n_m + sigma_m * rng.normal(size=(N, 3)),
         white=np.tile(np.eye(3) / sigma_m, (N, 1, 1)),
         arm_b_m=np.zeros(3),
-        lever_column=shared.column("b") if lever else -1,
-        constants=shared,
+        constants=shared if lever else Constants(),
     )
 
 
 def test_the_deletion_residual_is_the_innovation_of_what_was_known_without_it():
     """One measurement and a Gaussian prior, solved by hand: the same number before and after."""
-    rng, shared = np.random.default_rng(1), cases.constants()
+    rng, shared = np.random.default_rng(1), Constants()
     before = solution_of(rng, shared, scale=1.0)
     part = positions(before.states, shared, rng)
     r, J, _ = part.linearise(before.states, part.row)
@@ -102,7 +102,7 @@ def test_the_deletion_residual_is_the_innovation_of_what_was_known_without_it():
 
 
 def test_constants_that_a_measurement_depends_on_count():
-    rng, shared = np.random.default_rng(2), cases.constants(2, 3)
+    rng, shared = np.random.default_rng(2), sensors.constants("another", LEVER_ARM)
     solution = solution_of(rng, shared, scale=0.02)
     part = positions(solution.states, shared, rng, lever=True)
     r, state, by_constants = part.linearise(solution.states, part.row)
@@ -120,7 +120,7 @@ def test_constants_that_a_measurement_depends_on_count():
 
 def test_nine_rows_of_three_degrees_of_freedom_are_three():
     """Phases of right noise about attitudes known beside them: NIS of one for each."""
-    rng, shared, n = np.random.default_rng(3), cases.constants(), 4000
+    rng, shared, n = np.random.default_rng(3), Constants(), 4000
     sigma_rad, size = 0.01, np.array([300.0, 200.0, 100.0])  # in sigmas per rad
     at = cases.random_states(n, shared, rng)
     moved = at.moved(np.pad(sigma_rad * rng.normal(size=(n, 3)), ((0, 0), (0, 18))), np.empty(0))
@@ -131,8 +131,7 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
         row=np.arange(n),
         root=root,
         minimum=at.R_nb + noise.reshape(n, 3, 3),
-        element_column=np.full(n, -1),
-        constants=shared,
+        stretch=np.full(n, -1),
     )
     r, J, _ = part.linearise(moved, part.row)
     information = J[:, :, :3].swapaxes(1, 2) @ J[:, :, :3] + np.eye(3) / sigma_rad**2
@@ -160,7 +159,7 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
 
 
 def test_a_measurement_that_alone_says_what_it_says_tests_nothing():
-    rng, shared = np.random.default_rng(4), cases.constants()
+    rng, shared = np.random.default_rng(4), Constants()
     solution = solution_of(rng, shared)
     part = positions(solution.states, shared, rng)
     P = solution.covariance.copy()
@@ -180,7 +179,7 @@ def test_a_measurement_that_alone_says_what_it_says_tests_nothing():
 
 
 def test_a_singular_covariance_is_no_obstacle():
-    rng, shared = np.random.default_rng(5), cases.constants()
+    rng, shared = np.random.default_rng(5), Constants()
     solution = solution_of(rng, shared)
     solution.covariance[:] = 0.0
     part = positions(solution.states, shared, rng)
@@ -190,7 +189,7 @@ def test_a_singular_covariance_is_no_obstacle():
 
 
 def test_measurements_of_one_name_are_told_together():
-    rng, shared = np.random.default_rng(6), cases.constants()
+    rng, shared = np.random.default_rng(6), Constants()
     solution = solution_of(rng, shared)
     both = (positions(solution.states, shared, rng), positions(solution.states, shared, rng))
     told = summaries(problem_of(solution, shared, *both), solution)
@@ -199,7 +198,7 @@ def test_measurements_of_one_name_are_told_together():
 
 
 def test_a_factor_of_ones_own_is_judged_as_the_measurement_it_is():
-    rng, shared = np.random.default_rng(7), cases.constants(2, 3)
+    rng, shared = np.random.default_rng(7), sensors.constants("another", LEVER_ARM)
     solution = solution_of(rng, shared, scale=0.02)
     part = positions(solution.states, shared, rng, lever=True)
     own = [
@@ -221,7 +220,7 @@ def test_a_factor_of_ones_own_is_judged_as_the_measurement_it_is():
 
 
 def test_a_factor_between_neighbours_is_judged_by_their_common_covariance():
-    rng, shared = np.random.default_rng(8), cases.constants(2)
+    rng, shared = np.random.default_rng(8), sensors.constants("another")
     solution = solution_of(rng, shared, scale=0.05)
     noise = gtsam.noiseModel.Unit.Create(3)
     v = solution.states.v_n_mps
@@ -237,7 +236,7 @@ def test_a_factor_between_neighbours_is_judged_by_their_common_covariance():
 
 
 def test_a_factor_of_distant_keyframes_has_the_mean_square_of_its_residual():
-    rng, shared = np.random.default_rng(9), cases.constants(2)
+    rng, shared = np.random.default_rng(9), sensors.constants("another")
     solution = solution_of(rng, shared)
     v, noise = solution.states.v_n_mps, gtsam.noiseModel.Isotropic.Sigma(3, 0.5)
     far = gtsam.BetweenFactorVector(
@@ -248,7 +247,7 @@ def test_a_factor_of_distant_keyframes_has_the_mean_square_of_its_residual():
 
 
 def test_a_factor_of_constants_alone_is_judged_by_their_covariance():
-    rng, shared = np.random.default_rng(10), cases.constants(2)
+    rng, shared = np.random.default_rng(10), sensors.constants("another")
     solution = solution_of(rng, shared, scale=0.05)
     mean = solution.states.constants + np.array([1.0, 0.0])
     own = gtsam.PriorFactorVector(keys.constant(0), mean, gtsam.noiseModel.Unit.Create(2))

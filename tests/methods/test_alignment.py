@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.assembly.truncation import truncated
 from fgnav.geometry.rotations import to_euler, transpose
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.estimate import open_angle_variance_rad2
 from fgnav.types.flight import InitialAttitude
-from tests.frontend.standing import standing
+from tests.assembly.standing import standing
 from tests.methods.simulated import errors_rad, nees, shared
 from tests.robustness.drawn.flights import right_flight
 

@@ -17,7 +17,7 @@ from fgnav.graph.custom import jacobian_misfit, residual_factor
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
-from tests.frontend import flights
+from tests.assembly import flights
 from tests.methods.simulated import errors_rad, flown, shared
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own
 

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from fgnav.assembly.truncation import truncated
 from fgnav.evaluation.scores import errors_against
-from fgnav.frontend.causal.truncation import truncated
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.driven import STEP_S, driven
 from tests.methods.simulated import shared

@@ -14,7 +14,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.photodetector import line_of_sight
 from fgnav.process.hyperparameters import RatePrior
-from tests.frontend.array.test_shape import OFF_B_M, off
+from tests.alignment.array.test_shape import OFF_B_M, off
 from tests.methods.simulated import errors_rad, flown, nees, shared
 
 SPAN_S = 20.0

@@ -9,7 +9,7 @@ from fgnav.geometry.rotations import exp, log, skew
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.solve.batch import solve_batch
-from tests.frontend.flights import turning
+from tests.assembly.flights import turning
 
 
 def test_an_estimate_follows_a_direction_along_the_axis_that_it_knows():
@@ -31,7 +31,6 @@ def test_an_estimate_follows_a_direction_along_the_axis_that_it_knows():
         row=np.array([row]),
         known_n=known_n,
         across_b=W,
-        tilt_column=-1,
         constants=problem.constants,
     )
     together = dataclasses.replace(problem, sensors=(*problem.sensors, gravity))

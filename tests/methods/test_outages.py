@@ -12,8 +12,8 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.gauss_newton import gauss_newton, posterior_at
 from fgnav_sim.gnss.tables import OutageTable
 from fgnav_sim.simulate import simulate
-from tests.frontend.test_gaps import with_hole
-from tests.frontend.test_problem import PER_EPOCH, with_outages
+from tests.alignment.test_gaps import with_hole
+from tests.assembly.test_problem import PER_EPOCH, with_outages
 from tests.methods.simulated import errors_rad, nees, shared
 from tests.methods.test_truncation import scenario
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.assembly.truncation import truncated
 from fgnav.geometry.rotations import to_euler, wrap
 from fgnav.methods.smoother import Batch
 from tests.recordings import drive, quadrotor

@@ -5,16 +5,15 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.sensor_factors import Recorded, sensors_of
-from fgnav.frontend.sensors.sensed import Sensed
-from fgnav.frontend.sensors.surroundings import field_of, heights_of
+from fgnav.assembly.sensors.instruments import gravity_sensor, line_of_sight
+from fgnav.assembly.sensors.surroundings import field_sensor, height_sensor
+from fgnav.checks import BadInputError
 from fgnav.geometry.earth import geodetic
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.factors.directions import Directions
@@ -22,7 +21,7 @@ from fgnav.graph.types.constants import Constants
 from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
 from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.types.surroundings import Barometer, Magnetometer
-from tests.frontend.flights import ORIGIN, attitude_errors_rad, turning
+from tests.assembly.flights import ORIGIN, attitude_errors_rad, turning
 from tests.methods.simulated import nees
 
 
@@ -56,32 +55,18 @@ def measured(series, row):
     return Measured(value=series.value[row], covariance=series.covariance[row])
 
 
-def with_sensed(case, sensed, parts):
+def with_sensors(case, sensors, parts):
     """Return the flight's problem with other instruments and constants."""
-    n, imu = len(case.problem.t_s), case.imu
+    imu = case.imu
     constants = Constants(parts if imu.w_b_radps is not None else (*parts, mean_rate()))
-    recorded = Recorded(
-        array=case.form,
-        array_valid=np.ones(n, dtype=bool),
-        float_stretch=np.full(n, -1),
-        shape=None,
-        antennas=(),
-        positions=(case.position,),
-        velocities=() if case.velocity is None else (case.velocity,),
-        sensed=sensed,
-        gravity_n_mps2=case.problem.motion.gravity_n_mps2,
-        measured_b_radps=None if imu.w_b_radps is None else imu.w_b_radps[::10],
-        earth_rate_n_radps=ORIGIN.earth_rate_n_radps,
-    )
     motion = case.problem.motion
     if imu.w_b_radps is None:
-        column = constants.column("mean rate")
-        motion = dataclasses.replace(motion, rate_column=column, constants=constants)
+        motion = dataclasses.replace(motion, constants=constants)
     return dataclasses.replace(
         case.problem,
         start=case.problem.start._replace(constants=constants.start),
         motion=motion,
-        sensors=sensors_of(recorded, constants),
+        sensors=tuple(one.bound(constants) for one in (*case.problem.sensors, *sensors)),
         constants=constants,
     )
 
@@ -110,8 +95,9 @@ def test_a_stream_of_raw_samples_ends_where_the_window_ends(gyro):
     parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
     t_s = joined(parts, "t_s")
     np.testing.assert_array_equal(t_s, case.problem.t_s)
-    gravity = Directions.of("gravity", e_b, covariance).scatter(rows, len(t_s))
-    window = solve_fixed_lag(with_sensed(case, Sensed(gravity=gravity), ()), 2.0)
+    seen = Directions.of("gravity", e_b, covariance).scatter(rows, len(t_s))
+    gravity = gravity_sensor(seen, case.problem.motion.gravity_n_mps2)
+    window = solve_fixed_lag(with_sensors(case, (gravity,), ()), 2.0)
     R_nb, sigma = joined(parts, "R_nb"), np.sqrt(np.einsum("nii->ni", window.covariance))
     apart = log(transpose(R_nb) @ window.states.R_nb) / sigma[:, :3]
     # The curve through few samples is not that through all; and the window of a recording is
@@ -205,14 +191,14 @@ def test_a_stream_estimates_constants_as_the_window_does(surrounded):
 
     seen, nothing = np.isin(np.arange(n), list(more)), np.full(3, np.nan)
     p_n_m = case.truth.p_n_m
-    heights = heights_of(BAROMETER, np.zeros(3), ORIGIN, case.problem.t_s, p_n_m, height_m)
-    heights = dataclasses.replace(heights, down_n_m=np.where(seen, heights.down_n_m, np.nan))
-    field = field_of(MAGNETOMETER, np.where(seen[:, None], field_b_ut, nothing))
-    sight = Directions.isotropic(np.where(seen[:, None], e_b, nothing), SIGHT_RAD)
-    sensed = Sensed(sight=sight, heights=heights, field=field)
+    heights_m = np.where(seen, height_m, np.nan)
+    at = BAROMETER, np.zeros(3), ORIGIN, case.problem.t_s, p_n_m
+    heights, offset = height_sensor(*at, heights_m)
+    field, iron = field_sensor(MAGNETOMETER, np.where(seen[:, None], field_b_ut, nothing))
+    sight = line_of_sight(Directions.isotropic(np.where(seen[:, None], e_b, nothing), SIGHT_RAD))
     asked = tuple(of_vehicle(word) for word in calibration_requests(ASKED))
-    parts = (*with_landmark(asked, LANDMARK_N_M), *sensed.constants)
-    window = solve_fixed_lag(with_sensed(case, sensed, parts), 2.0)
+    parts = (*with_landmark(asked, LANDMARK_N_M), offset, iron)
+    window = solve_fixed_lag(with_sensors(case, (sight, heights, field), parts), 2.0)
     left = [part for part in (*left, stream.rest()) if len(part.t_s)]
     R_nb = joined(left, "R_nb")
     sigma = np.sqrt(np.einsum("nii->ni", window.covariance))

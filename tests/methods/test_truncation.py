@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.frontend.causal.truncation import truncated
+from fgnav.assembly.truncation import truncated
 from fgnav.io.exports.tables import write_outcome
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav_sim.gnss.tables import OutageTable

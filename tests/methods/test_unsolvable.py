@@ -6,7 +6,7 @@ import pytest
 
 from fgnav.cli import main
 from fgnav.io.flight.folder import save_flight
-from tests.frontend.test_unsolvable import CASES, blind
+from tests.assembly.test_unsolvable import CASES, blind
 from tests.methods.simulated import flown
 
 FLIGHTS = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav.methods.smoother import Batch, Smoother
-from tests.frontend.array.test_float_arcs import WITHOUT_S, Cut, flown_without_integers
+from tests.alignment.array.test_float_arcs import WITHOUT_S, Cut, flown_without_integers
 from tests.methods.simulated import errors_rad, nees
 
 

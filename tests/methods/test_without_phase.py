@@ -7,16 +7,16 @@ import msgspec
 import numpy as np
 import pytest
 
+from fgnav.alignment import vector_alignment
+from fgnav.assembly.truncation import truncated
 from fgnav.checks import NoSolutionError
-from fgnav.frontend.attitude import vector_alignment
-from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry import rotations
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
+from tests.alignment.test_vector_alignment import swinging
 from tests.benchmarks import consistency
-from tests.frontend.test_vector_alignment import swinging
 from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, prepared_of, shared
 from tests.methods.true_gravity import TrueGravity

@@ -12,7 +12,7 @@ from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.methods.stream import Stream, StreamSetUp
 from fgnav.neural import NeuralFactor
-from tests.frontend import flights
+from tests.assembly import flights
 from tests.methods.simulated import flown
 from tests.neural import graphs
 from tests.neural.test_methods import measured

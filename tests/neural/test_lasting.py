@@ -12,7 +12,7 @@ from fgnav.neural import NeuralFactor
 from fgnav.neural.correlation import half_life_s, lasting_share, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
-from tests.frontend import flights
+from tests.assembly import flights
 from tests.methods.simulated import flown
 from tests.neural import graphs
 from tests.neural.test_methods import streamed

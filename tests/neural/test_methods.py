@@ -13,7 +13,7 @@ from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
 from fgnav.neural import NeuralFactor
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
-from tests.frontend import flights
+from tests.assembly import flights
 from tests.methods.simulated import SCENARIOS, errors_rad, euler_rmse_deg, nees
 from tests.neural import sun_compass
 

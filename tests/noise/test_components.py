@@ -5,8 +5,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.problem import build_problem
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.problem import build_problem
 from fgnav.methods.smoother import Smoother
 from fgnav.noise.components import AT_REST, NoiseComponents, Standstill
 from fgnav.noise.decimation import decimated

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from fgnav.frontend.position.by_observations import LastObservations
-from fgnav.frontend.problem import build_problem
+from fgnav.assembly.position.by_observations import LastObservations
+from fgnav.assembly.problem import build_problem
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.noise.identify import identified
 from fgnav.noise.nominal import with_factors

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from fgnav.frontend.position.numbered_arcs import Observed
-from fgnav.frontend.position.phases import antenna_phase
+from fgnav.assembly.position.numbered_arcs import Observed
+from fgnav.assembly.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
 from fgnav.graph.types.constants import Constants
 from fgnav.methods.smoother import Smoother

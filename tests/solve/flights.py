@@ -67,7 +67,6 @@ def flight(
             **common,
             poles_per_s=np.tile(matern.poles(1.0), (n - 1, 3, 1)),
             variance_rad2ps2=np.full((n - 1, 3), 0.2),
-            rate_column=0,
             constants=constants,
         )
     )
@@ -112,7 +111,7 @@ def _measured(
             row=rows,
             root=np.tile(np.diag(np.tile(np.sqrt(share), 3)), (k, 1, 1)),
             minimum=R @ exp(ATTITUDE_RAD * rng.normal(size=(k, 3))),
-            element_column=none,
+            stretch=none,
             constants=constants,
         ),
         Position(
@@ -120,7 +119,6 @@ def _measured(
             value_n_m=p,
             white=np.tile(np.eye(3) / POSITION_M, (k, 1, 1)),
             arm_b_m=ARM_B_M,
-            lever_column=-1,
             constants=constants,
         ),
         Velocity(
@@ -132,7 +130,6 @@ def _measured(
             if w_b_radps is None
             else w_b_radps[(100 * t_s[rows]).round().astype(int)],
             earth_rate_n_radps=EARTH_N_RADPS,
-            lever_column=-1,
             constants=constants,
         ),
     )
@@ -151,7 +148,7 @@ def part(problem: Problem, first: int, last: int) -> Problem:
         inside = (one.row >= first) & (one.row <= last)
         arrays = {
             name: getattr(one, name)[inside]
-            for name in ("root", "minimum", "element_column", "value_n_m", "value_n_mps", "white",
+            for name in ("root", "minimum", "stretch", "value_n_m", "value_n_mps", "white",
                          "measured_b_radps")
             if getattr(one, name, None) is not None
         }  # fmt: skip

@@ -23,7 +23,7 @@ def with_outage(problem: Problem, from_s: float, until_s: float) -> Problem:
     measurements = []
     for one in problem.sensors:
         kept = ~gone[one.row]
-        names = ("row", "root", "minimum", "element_column", "value_n_m", "value_n_mps", "white",
+        names = ("row", "root", "minimum", "stretch", "value_n_m", "value_n_mps", "white",
                  "measured_b_radps")  # fmt: skip
         arrays = {n: getattr(one, n)[kept] for n in names if getattr(one, n, None) is not None}
         measurements.append(replace(one, **arrays))

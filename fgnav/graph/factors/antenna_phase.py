@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.on_demand import OnDemand
@@ -88,21 +89,8 @@ class AntennaPhase:
     block: IntArray  # (k,): which block's A each has
     blocks: Sequence[ArcBlock]  # as the rows
     arm_b_m: FloatArray  # (k, 3): from the accelerometer to the antenna
-    lever_column: int  # first of the three constants l; -1 where the lever arm is known
-    constants: Constants
+    constants: Constants  # of the problem, l among them where the lever arm is estimated
     first_block: int = 0  # number of the first of the blocks: of phases that go on
-    # Blocks as they were before a keyframe, in turn, with integers that were taken back there.
-    earlier: tuple[tuple[int, Sequence[ArcBlock]], ...] = ()
-
-    @property
-    def revised(self) -> IntArray:
-        """Keyframes at which integers were taken back, (r,)."""
-        return np.array([row for row, _ in self.earlier], dtype=np.int64)
-
-    def as_of(self, row: int) -> "AntennaPhase":
-        """Return the same as it was at a keyframe."""
-        later = [blocks for before, blocks in self.earlier if before > row]
-        return replace(self, blocks=later[0], earlier=()) if later else replace(self, earlier=())
 
     @property
     def freedom(self) -> IntArray:
@@ -114,8 +102,8 @@ class AntennaPhase:
         one, arm_b_m = self.rows[i], self.arm_b_m[i]
         pose, arcs = keys.pose(key), keys.arcs(int(self.block[i]))
         involved, lever = [pose, arcs], -1
-        if self.lever_column >= 0:
-            lever = keys.constant(self.constants.first.index(self.lever_column))
+        if self.constants.column(LEVER_ARM) >= 0:
+            lever = keys.constant(self.constants.first.index(self.constants.column(LEVER_ARM)))
             involved.append(lever)
 
         def error(
@@ -147,7 +135,7 @@ class AntennaPhase:
         Where A is by ``arcs``, else at zero; ``constants`` are those of the states.
         """
         one, of_arcs = self.rows[i], keys.arcs(int(self.block[i]))
-        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], self.lever_column
+        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], constants.column(LEVER_ARM)
         pose[:3, :3], pose[:3, 3] = at.R_nb[place], at.p_n_m[place]
         if lever >= 0:
             arm_b_m = arm_b_m + at.constants[lever : lever + 3]
@@ -190,8 +178,7 @@ class AntennaPhase:
     def on(self, row: IntArray) -> "AntennaPhase":
         """Return the same at other rows, (k,): of a timeline with more keyframes."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
-        earlier = tuple((of[k], _begun_at(blocks, of)) for k, blocks in self.earlier)
-        return replace(self, row=row, blocks=_begun_at(self.blocks, of), earlier=earlier)
+        return replace(self, row=row, blocks=_begun_at(self.blocks, of))
 
 
 def _begun_at(blocks: Sequence[ArcBlock], of: dict[int, int]) -> Sequence[ArcBlock]:

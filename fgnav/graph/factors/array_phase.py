@@ -20,13 +20,13 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
-from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
+from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
+FLOAT_AMBIGUITIES = "float ambiguities"  # the constants c
 # Where the elements of R.ravel() stand in the column-major vector of a 4 by 4 pose matrix.
 _IN_POSE = [4 * column + row for row in range(3) for column in range(3)]
 
@@ -39,15 +39,15 @@ class ArrayPhase(SensorRows):
     """
 
     name: ClassVar[str] = "array phases"
+    rows: ClassVar[int] = 9
+    parameters: ClassVar[tuple[str, ...]] = (FLOAT_AMBIGUITIES,)
     whitening: ClassVar[str] = "root"
     # ``RotationQuadratic.square_root``, where s is not 0 its symmetric one; elements of matrices by
     # row.
     root: FloatArray  # (k, 9, 9)
     minimum: FloatArray  # (k, 3, 3)
-    # First of the nine constants c of the stretch that an epoch without integers is in; -1 of
-    # epochs with integers.
-    element_column: IntArray  # (k,)
-    constants: Constants
+    # Which nine of the constants c an epoch without integers has, counted in nines; -1 with them.
+    stretch: IntArray  # (k,)
     # s, 0 where errors are white.
     share: FloatArray = field(default_factory=lambda: np.zeros(0))  # (k,)
     # B; z is the end of the keyframe's ``aux``.
@@ -61,7 +61,7 @@ class ArrayPhase(SensorRows):
         object.__setattr__(self, "root", np.ascontiguousarray(self.root))  # compiled once
         shapes = {"root": (k, 9, 9), "minimum": (k, 3, 3), "share": (k,), "basis": (9, q)}
         freeze(self.name, self, shapes)
-        freeze(self.name, self, {"row": (k,), "element_column": (k,)}, dtype=int)
+        freeze(self.name, self, {"row": (k,), "stretch": (k,)}, dtype=int)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
@@ -70,18 +70,23 @@ class ArrayPhase(SensorRows):
                 *contiguous(at, which),
                 self.root,
                 self.minimum,
-                self.element_column,
+                self._element_column,
                 self.share,
                 self.basis,
             )
         )
 
+    @property
+    def _element_column(self) -> IntArray:
+        """First column of each epoch's c, (k,); -1 of none."""
+        first = self.constants.column(FLOAT_AMBIGUITIES)
+        return np.where((self.stretch >= 0) & (first >= 0), first + 9 * self.stretch, -1)
+
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return epoch i as a factor of keyframe ``key``: native where integers are known."""
         lasting: tuple[Use, ...] = ("angular_motion",) if self.share[i] > 0 else ()
-        if lasting or self.element_column[i] >= 0:
-            parts = parts_of(self.constants, (int(self.element_column[i]),))
-            return sensor_factor(self, i, key, ("pose", *lasting), parts, rows=9)
+        if lasting or self.stretch[i] >= 0:
+            return sensor_factor(self, i, key, ("pose", *lasting))
         whitening, M = np.zeros((16, 16)), np.zeros((4, 4))
         whitening[:9, _IN_POSE] = self.root[i]
         M[:3, :3] = self.minimum[i]

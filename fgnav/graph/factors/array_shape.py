@@ -18,13 +18,10 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
-from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
+from fgnav.geometry.rotations import skew
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows
-from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import kernel
+from fgnav.graph.types.states import ROTATION, States
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -36,59 +33,40 @@ class ArrayShape(SensorRows):
     root: FloatArray  # (k, 3 a, 3 a): of the information about all baselines, one after another
     minimum_n_m: FloatArray  # (k, a, 3)
     baselines_b_m: FloatArray  # (a, 3): d, as the flight states them
-    # First of the three constants c_i of each antenna; -1 of those that stand where stated.
-    column: IntArray  # (a,)
-    constants: Constants
+    antennas: tuple[str, ...]  # length a: names of the constants c_i are "antenna " and these
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
         k, a = len(self.row), len(self.baselines_b_m)
         shapes = {"root": (k, 3 * a, 3 * a), "minimum_n_m": (k, a, 3), "baselines_b_m": (a, 3)}
         freeze(self.name, self, shapes)
-        freeze(self.name, self, {"row": (k,), "column": (a,)}, dtype=int)
+        freeze(self.name, self, {"row": (k,)}, dtype=int)
+
+    @property
+    def rows(self) -> int:
+        """Dimensions of each residual."""
+        return int(self.root.shape[1])
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the constants c_i."""
+        return tuple(f"antenna {name}" for name in self.antennas)
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
-        return Linearised._make(
-            _kernel(
-                *contiguous(at, which), self.root, self.minimum_n_m, self.baselines_b_m, self.column
-            )
-        )
+        state, shared = self.derivatives(at)
+        columns = [self.constants.columns(name) for name in self.parameters]
+        root, arms_b_m = self.root[which], self.baselines_b_m.copy()
+        for a, column in enumerate(columns):
+            if column.stop:
+                arms_b_m[a] += at.constants[column]
+                shared[:, :, column] = root[:, :, 3 * a : 3 * a + 3] @ at.R_nb
+        apart_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[which]
+        by_turn = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(which), -1, 3)
+        state[:, :, ROTATION] = root @ by_turn
+        value = np.einsum("kmi,ki->km", root, apart_m.reshape(len(which), -1))
+        return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return epoch i as a factor of keyframe ``key``; GTSAM has none of its own."""
-        parts = parts_of(self.constants, (int(column) for column in self.column))
-        return sensor_factor(self, i, key, ("pose",), parts, rows=self.root.shape[1])
-
-
-@kernel
-def _kernel(
-    at: States,
-    which: IntArray,
-    root: FloatArray,
-    minimum_n_m: FloatArray,
-    baselines_b_m: FloatArray,
-    column: IntArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, root.shape[1])
-    arm = np.empty(3)
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
-        for a in range(len(baselines_b_m)):
-            for c in range(3):
-                arm[c] = baselines_b_m[a, c]
-                if column[a] >= 0:
-                    arm[c] += at.constants[column[a] + c]
-            apart, by_turn = rot.times(R, arm), rot.product(R, rot.skew(arm))
-            for c in range(3):
-                apart[c] -= minimum_n_m[i, a, c]
-            part = np.ascontiguousarray(root[i, :, 3 * a : 3 * a + 3])
-            residual = rot.times(part, apart)
-            turned, moved = rot.product(part, by_turn), rot.product(part, R)
-            for e in range(len(residual)):
-                value[k, e] += residual[e]
-                for c in range(3):
-                    state[k, e, c] -= turned[e, c]
-                    if column[a] >= 0:
-                        shared[k, e, column[a] + c] = moved[e, c]
-    return value, state, shared
+        return sensor_factor(self, i, key, ("pose",))

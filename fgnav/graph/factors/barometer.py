@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import gtsam
+import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze, positive
-from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
+from fgnav.geometry.rotations import skew
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
-from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import kernel
+from fgnav.graph.types.states import POSITION, ROTATION, States
+
+OFFSET = "barometer"  # the constants o, metres along the third axis of ``n``
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -32,14 +33,12 @@ class BarometricHeight(SensorRows):
     name: ClassVar[str] = "barometric height"
     shapes: ClassVar[Shapes] = {"down_n_m": ("k",), "arm_b_m": (3,), "share": ("k",)}
     rows: ClassVar[int] = 1
+    parameters: ClassVar[tuple[str, ...]] = (OFFSET,)
     down_n_m: FloatArray  # (k,): h, where the port is along the third axis of ``n``
     sigma_m: float  # of what is new at each keyframe
     arm_b_m: FloatArray  # (3,): from the accelerometer to the port
-    # First of the constants o, metres along the third axis of ``n``; -1 where there are none.
-    column: int
     node: IntArray  # (k,): i, the node at or before each keyframe
     share: FloatArray  # (k,): s, of the node after that: 0 to 1
-    constants: Constants
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -49,16 +48,21 @@ class BarometricHeight(SensorRows):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of heights ``which``, (j,); see ``Sensor``."""
-        return Linearised._make(
-            _kernel(
-                *contiguous(at, which),
-                self.down_n_m,
-                1 / self.sigma_m,
-                self.arm_b_m,
-                self.column,
-                self.node,
-                self.share,
-            )
+        down_b = at.R_nb[:, 2]
+        value = at.p_n_m[:, 2] + down_b @ self.arm_b_m - self.down_n_m[which]
+        state, shared = self.derivatives(at)
+        state[:, 0, ROTATION] = -down_b @ skew(self.arm_b_m)
+        state[:, 0, POSITION] = down_b
+        offset = self.constants.columns(OFFSET)
+        if offset.stop:
+            after, k = self.share[which], np.arange(len(which))
+            first = offset.start + self.node[which]
+            second = np.minimum(first + 1, offset.stop - 1)
+            shared[k, 0, first] = after - 1.0
+            shared[k, 0, second] -= after
+            value += np.einsum("kb,b->k", shared[:, 0], at.constants)
+        return Linearised(
+            value[:, None] / self.sigma_m, state / self.sigma_m, shared / self.sigma_m
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
@@ -66,41 +70,4 @@ class BarometricHeight(SensorRows):
 
         Not ``BarometricFactor``: its offset is one scalar, and it has no lever arm.
         """
-        first = self.column + int(self.node[i])
-        columns = (first, first + int(self.share[i] > 0)) if self.column >= 0 else ()
-        parts = parts_of(self.constants, columns)
-        return sensor_factor(self, i, key, ("pose",), parts, rows=1)
-
-
-@kernel
-def _kernel(
-    at: States,
-    which: IntArray,
-    down_n_m: FloatArray,
-    weight: float,
-    arm_b_m: FloatArray,
-    column: int,
-    node: IntArray,
-    share: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 1)
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
-        apart = at.p_n_m[k, 2] - down_n_m[i]
-        for c in range(3):
-            after, before = (c + 1) % 3, (c + 2) % 3
-            apart += R[2, c] * arm_b_m[c]
-            # The third row of -R [a]x.
-            state[k, 0, c] = weight * (
-                R[2, before] * arm_b_m[after] - R[2, after] * arm_b_m[before]
-            )
-            state[k, 0, 3 + c] = weight * R[2, c]
-        if column >= 0:
-            first, s = column + node[i], share[i]
-            apart -= (1.0 - s) * at.constants[first]
-            shared[k, 0, first] = -weight * (1.0 - s)
-            if s > 0.0:
-                apart -= s * at.constants[first + 1]
-                shared[k, 0, first + 1] = -weight * s
-        value[k, 0] = weight * apart
-    return value, state, shared
+        return sensor_factor(self, i, key, ("pose",))

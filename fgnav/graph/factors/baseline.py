@@ -17,13 +17,10 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry import rotation_kernel as rot
+from fgnav.geometry.rotations import skew
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
-from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import kernel
+from fgnav.graph.types.states import ROTATION, States
 
 _LEVEL = 1e-6  # square of the level part of a baseline over its own, below which it has no heading
 
@@ -33,13 +30,13 @@ class BaselineVector(SensorRows):
     """Vectors from one antenna to another in ``n``, three rows each."""
 
     name: ClassVar[str] = "baseline"
+    rows: ClassVar[int] = 3
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "baseline_b_m": (3,)}
     value_n_m: FloatArray  # (k, 3): z_n; of headings e_1
     # W: inverse Cholesky factors of covariances; of headings e_2 over sigma, and rows of zeros.
     white: FloatArray  # (k, 3, 3)
     baseline_b_m: FloatArray  # (3,)
     dimensions: int  # 3 of a vector, 2 of a direction, 1 of a heading
-    constants: Constants  # of the flight, none of which it depends on
 
     @property
     def freedom(self) -> IntArray:
@@ -48,44 +45,22 @@ class BaselineVector(SensorRows):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of baselines ``which``, (j,); see ``Sensor``."""
-        of = self.value_n_m, self.white, self.baseline_b_m
-        return Linearised._make(_kernel(*contiguous(at, which), *of, self.dimensions == 1))
+        state, shared = self.derivatives(at)
+        v_n, by_turn = at.R_nb @ self.baseline_b_m, -at.R_nb @ skew(self.baseline_b_m)
+        white, z_n = self.white[which], self.value_n_m[which]
+        if self.dimensions == 1:
+            (north, east), weight = v_n[:, :2].T, np.linalg.norm(white[:, 0], axis=1)
+            right, along = z_n[:, 0] * east - z_n[:, 1] * north, (z_n * v_n)[:, :2].sum(axis=1)
+            level = np.maximum(north**2 + east**2, _LEVEL * self.baseline_b_m @ self.baseline_b_m)
+            moved = north[:, None] * by_turn[:, 1] - east[:, None] * by_turn[:, 0]
+            state[:, 0, ROTATION] = (weight / level)[:, None] * moved
+            value = np.zeros((len(which), 3))
+            value[:, 0] = weight * np.arctan2(right, along)
+        else:
+            state[:, :, ROTATION] = white @ by_turn
+            value = np.einsum("kij,kj->ki", white, v_n - z_n)
+        return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return baseline i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose",), (), rows=3)
-
-
-@kernel
-def _kernel(
-    at: States,
-    which: IntArray,
-    value_n_m: FloatArray,
-    whites: FloatArray,
-    baseline_b_m: FloatArray,
-    is_heading: bool,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 3)
-    cross, least = rot.skew(baseline_b_m), 0.0
-    for c in range(3):
-        least += _LEVEL * baseline_b_m[c] ** 2
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
-        white, v_n = whites[i], rot.times(R, baseline_b_m)
-        by_turn = rot.product(R, cross)  # v_n changes by minus it
-        if is_heading:
-            along = value_n_m[i, 0] * v_n[0] + value_n_m[i, 1] * v_n[1]
-            right = value_n_m[i, 0] * v_n[1] - value_n_m[i, 1] * v_n[0]
-            weight = np.sqrt(white[0, 0] ** 2 + white[0, 1] ** 2)
-            level = max(v_n[0] ** 2 + v_n[1] ** 2, least)
-            value[k, 0] = weight * np.arctan2(right, along)
-            for c in range(3):
-                moved = v_n[1] * by_turn[0, c] - v_n[0] * by_turn[1, c]
-                state[k, 0, c] = weight * moved / level
-            continue
-        by_turn = rot.product(white, by_turn)
-        for m in range(3):
-            for c in range(3):
-                value[k, m] += white[m, c] * (v_n[c] - value_n_m[i, c])
-                state[k, m, c] = -by_turn[m, c]
-    return value, state, shared
+        return sensor_factor(self, i, key, ("pose",))

@@ -1,11 +1,14 @@
 """Unit vectors that the body sees, each with the covariance of its two angles."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import gtsam
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp, skew
 from fgnav.graph import keys
 
 _SINGULAR = 1e-12  # of two variances' ratio: of smaller ones rounding leaves no three digits
@@ -73,6 +76,39 @@ def across(e: FloatArray) -> FloatArray:
     first = np.cross(e, least)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     return np.stack([first, np.cross(e, first)], axis=1)
+
+
+class Seen(NamedTuple):
+    """What an instrument that is turned a little in the body sees of unit vectors, (k,)."""
+
+    value: FloatArray  # (k, 2): whitened, across the measured directions
+    across_b: FloatArray  # (k, 2, 3): whitening rows in axes of the body
+    by_turn: FloatArray  # (k, 2, 3): derivative by the turn of the body
+    by_tilt: FloatArray  # (k, 2, 3): by the rotation vector of the instrument's turn
+
+
+def seen(across_b: FloatArray, u_b: FloatArray, tilt_rad: FloatArray) -> Seen:
+    """Return ``A Exp(-t) u_b`` of whitening rows A, (k, 2, 3), a turn t, (3,), and vectors, (k, 3).
+
+    The derivative by t has the right Jacobian of the rotation group in it [1]_.
+
+    References
+    ----------
+    .. [1] Forster, Carlone, Dellaert, Scaramuzza: On-Manifold Preintegration for Real-Time
+       Visual-Inertial Odometry, IEEE Transactions on Robotics 33, 2017, section III.
+    """
+    across_b = across_b @ exp(-tilt_rad[None])[0]
+    by_turn = across_b @ skew(u_b)
+    value = np.einsum("kmc,kc->km", across_b, u_b)
+    return Seen(value, across_b, by_turn, by_turn @ right_jacobian(-tilt_rad))
+
+
+def flattened(v_b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit vectors along others, (k, 3), and their derivatives by these, (k, 3, 3)."""
+    size = np.linalg.norm(v_b, axis=1)
+    u_b = v_b / size[:, None]
+    along = u_b[:, :, None] * u_b[:, None, :]
+    return u_b, (np.eye(3) - along) / size[:, None, None]
 
 
 def native(key: int, across_b: FloatArray, reference_n: FloatArray) -> gtsam.NonlinearFactor:

@@ -12,14 +12,14 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.geometry import rotation_kernel as rot
-from fgnav.graph.factors.tilt_kernel import ABOUT_Y, fill, tilt
-from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
+from fgnav.geometry.rotations import transpose
+from fgnav.graph.factors.directions import flattened, seen
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
-from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import kernel
+from fgnav.graph.types.states import POSITION, ROTATION, States
+
+LANDMARK = "landmark"  # the constant l_n, a place in ``n``
+BORESIGHT = "boresight"  # the constant t, about y_b and z_b
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -29,19 +29,25 @@ class LineOfSight(SensorRows):
     name: ClassVar[str] = "line of sight"
     shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3)}
     rows: ClassVar[int] = 2
+    parameters: ClassVar[tuple[str, ...]] = (LANDMARK, BORESIGHT)
     # Whitening rows of the measured unit vectors; see ``Directions``.
     across_b: FloatArray  # (k, 2, 3)
-    landmark_column: int  # first of the three constants l_n, a place in ``n``
-    boresight_column: int  # first of the two constants t; -1 where the detector stands as stated
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
-        return Linearised._make(
-            _kernel(
-                *contiguous(at, which), self.across_b, self.landmark_column, self.boresight_column
-            )
-        )
+        state, shared = self.derivatives(at)
+        landmark, boresight = map(self.constants.columns, self.parameters)
+        R_bn, tilt_rad = transpose(at.R_nb), np.zeros(3)
+        if boresight.stop:
+            tilt_rad[1:] = at.constants[boresight]
+        way_b_m = np.einsum("kij,kj->ki", R_bn, at.constants[landmark] - at.p_n_m)
+        u_b, by_way = flattened(way_b_m)
+        view = seen(self.across_b[which], u_b, tilt_rad)
+        by_place_b = view.across_b @ by_way
+        state[:, :, ROTATION], state[:, :, POSITION] = view.by_turn, -by_place_b
+        shared[:, :, landmark] = by_place_b @ R_bn
+        shared[:, :, boresight] = view.by_tilt[:, :, 1 : 1 + boresight.stop - boresight.start]
+        return Linearised(view.value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return direction i as a factor of keyframe ``key`` and the landmark.
@@ -49,32 +55,4 @@ class LineOfSight(SensorRows):
         Not ``BearingFactor3D``: it whitens along two axes that it lays across the direction by
         rules of its own, so the long axis of an ellipse would be turned.
         """
-        parts = parts_of(self.constants, (self.landmark_column, self.boresight_column))
-        return sensor_factor(self, i, key, ("pose",), parts, rows=2)
-
-
-@kernel
-def _kernel(
-    at: States, which: IntArray, across_b: FloatArray, landmark: int, boresight: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 2)
-    minus_tilt, flat = tilt(at.constants, boresight, ABOUT_Y), np.empty((3, 3))
-    turn, way_n_m = rot.exp(minus_tilt), np.empty(3)
-    for k in range(len(which)):
-        i, to_b = which[k], rot.transposed(at.R_nb[k])
-        for c in range(3):
-            way_n_m[c] = at.constants[landmark + c] - at.p_n_m[k, c]
-        distance_m = np.sqrt(way_n_m[0] ** 2 + way_n_m[1] ** 2 + way_n_m[2] ** 2)
-        u_b = rot.scaled(rot.times(to_b, way_n_m), 1 / distance_m)
-        for r in range(3):
-            for c in range(3):
-                flat[r, c] = ((r == c) - u_b[r] * u_b[c]) / distance_m
-        across = rot.product(across_b[i], turn)
-        fill(value[k], state[k], shared[k], across, u_b, minus_tilt, boresight, ABOUT_Y)
-        by_place_b = rot.product(across, flat)
-        by_place_n = rot.product(by_place_b, to_b)
-        for m in range(2):
-            for c in range(3):
-                state[k, m, 3 + c] = -by_place_b[m, c]
-                shared[k, m, landmark + c] = by_place_n[m, c]
-    return value, state, shared
+        return sensor_factor(self, i, key, ("pose",))

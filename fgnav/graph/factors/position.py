@@ -18,12 +18,13 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.sensor_factor import parts_of, sensor_factor
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
+
+LEVER_ARM = "lever-arm"  # the constant l_b
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -31,14 +32,14 @@ class Position(SensorRows):
     """Positions of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "position"
+    rows: ClassVar[int] = 3
+    parameters: ClassVar[tuple[str, ...]] = (LEVER_ARM,)
     whitening: ClassVar[str] = "white"
     shapes: ClassVar[Shapes] = {"value_n_m": ("k", 3), "white": ("k", 3, 3), "arm_b_m": (3,)}
     value_n_m: FloatArray  # (k, 3)
     # W: inverse Cholesky factors of covariances; rows of zeros for what is not known.
     white: FloatArray  # (k, 3, 3)
     arm_b_m: FloatArray  # (3,): from the accelerometer to the antenna
-    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of positions ``which``, (j,); see ``Sensor``."""
@@ -48,15 +49,14 @@ class Position(SensorRows):
                 self.value_n_m,
                 self.white,
                 self.arm_b_m,
-                self.lever_column,
+                self.constants.column(LEVER_ARM),
             )
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return position i as a factor of keyframe ``key``: native without constants."""
-        if self.lever_column >= 0:
-            parts = parts_of(self.constants, (self.lever_column,))
-            return sensor_factor(self, i, key, ("pose",), parts, rows=3)
+        if self.constants.column(LEVER_ARM) >= 0:
+            return sensor_factor(self, i, key, ("pose",))
         noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
         return gtsam.GPSFactorArm(keys.pose(key), self.value_n_m[i], self.arm_b_m, noise)
 

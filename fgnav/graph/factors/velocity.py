@@ -19,9 +19,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
+from fgnav.graph.factors.position import LEVER_ARM
+from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import inlined, kernel
@@ -35,6 +35,8 @@ class Velocity(SensorRows):
     """Velocities of an antenna in ``n``, three rows each."""
 
     name: ClassVar[str] = "velocity"
+    rows: ClassVar[int] = 3
+    parameters: ClassVar[tuple[str, ...]] = (LEVER_ARM,)
     whitening: ClassVar[str] = "white"
     shapes: ClassVar[Shapes] = {
         "value_n_mps": ("k", 3),
@@ -51,8 +53,6 @@ class Velocity(SensorRows):
     # The gyroscope's rates at those keyframes: w_b is that less the bias; None without one.
     measured_b_radps: FloatArray | None  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
-    lever_column: int  # first of the three constants l_b; -1 where the lever arm is known
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of velocities ``which``, (j,); see ``Sensor``."""
@@ -65,18 +65,17 @@ class Velocity(SensorRows):
                 _NO_GYROSCOPE if measured is None else measured,
                 self.arm_b_m,
                 self.earth_rate_n_radps,
-                self.lever_column,
+                self.constants.column(LEVER_ARM),
             )
         )
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return velocity i as a factor of keyframe ``key``: native at the accelerometer."""
-        if self.lever_column < 0 and not self.arm_b_m.any():
+        if self.constants.column(LEVER_ARM) < 0 and not self.arm_b_m.any():
             noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
             return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
-        parts = parts_of(self.constants, (self.lever_column,))
         aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
-        return sensor_factor(self, i, key, ("pose", "velocity", aux), parts, rows=3)
+        return sensor_factor(self, i, key, ("pose", "velocity", aux))
 
 
 @kernel

@@ -47,6 +47,7 @@ from fgnav.graph.types.states import AUX, States
 from fgnav.process import matern
 from fgnav.types.flight import Imu
 
+MEAN_RATE = "mean rate"  # the constant about which rates wander, rad/s
 _VECTOR = 12  # accelerometer bias, rate, its two derivatives
 
 
@@ -67,8 +68,7 @@ class GyroFree:
     variance_rad2ps2: FloatArray  # (n - 1, 3): its variance about each body axis
     # Power spectral density of the specific force, (m/s2)^2/Hz.
     accelerometer_noise: FloatArray  # (n - 1,)
-    rate_column: int  # first column of the mean rate among the constants
-    constants: Constants
+    constants: Constants  # the mean rate among them
     multipath: Multipath | None = None  # lasting error of the array's phases, at the keyframes
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)
@@ -89,8 +89,8 @@ class GyroFree:
             "accelerometer_noise": (n - 1,),
         }
         check_shapes("gyro-free", self, shapes)
-        if not 0 <= self.rate_column <= self.constants.width - 3:
-            raise BadInputError("gyro-free rate_column: the mean rate is not among the constants")
+        if not self.mean_rate.stop:
+            raise BadInputError(f"gyro-free constants: {MEAN_RATE} is not among them")
         object.__setattr__(self, "_intervals", self._prepared())
         object.__setattr__(self, "_buffer", _Buffer.empty(self._lasting))
 
@@ -131,7 +131,7 @@ class GyroFree:
     @property
     def mean_rate(self) -> slice:
         """Columns of the mean rate among the constants."""
-        return slice(self.rate_column, self.rate_column + 3)
+        return self.constants.columns(MEAN_RATE)
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,), between states, j of each."""
@@ -169,7 +169,7 @@ class GyroFree:
             columns = [3 + i, 6 + i, 9 + i]
             weighted = white / np.sqrt(self.variance_rad2ps2[0, i])
             rows[np.ix_(columns, columns)] = weighted
-            rows[columns, aux + self.rate_column + i] = -weighted[:, 0]
+            rows[columns, aux + self.mean_rate.start + i] = -weighted[:, 0]
         return np.zeros(aux), rows
 
     def log_white(self, intervals: IntArray) -> float:
@@ -213,7 +213,7 @@ class GyroFree:
         del about
         symbols = (keys.pose, keys.velocity, keys.angular_motion)
         names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
-        names.append(keys.constant(self.constants.first.index(self.rate_column)))
+        names.append(keys.constant(self.constants.first.index(self.mean_rate.start)))
         error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
         return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
 

@@ -15,6 +15,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.antenna_phase import AntennaPhase
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION
 
@@ -40,11 +41,12 @@ def place_innovation(
     U, y = _of_first_epoch(phase)
     k, arm_b_m = int(phase.row[0]), phase.arm_b_m[0]
     states = solution.states
-    if phase.lever_column >= 0:
-        arm_b_m = arm_b_m + states.constants[phase.lever_column : phase.lever_column + 3]
+    lever = phase.constants.columns(LEVER_ARM)
+    if lever.stop:
+        arm_b_m = arm_b_m + states.constants[lever]
     R_nb = states.R_nb[k]
     J = np.zeros((3, states.width))
-    J[:, ROTATION], J[:, POSITION] = -R_nb @ skew(arm_b_m[None])[0], R_nb
+    J[:, ROTATION], J[:, POSITION] = -R_nb @ skew(arm_b_m), R_nb
     r = U @ (states.p_n_m[k] + R_nb @ arm_b_m) - y
     variance, axes = np.linalg.eigh(np.eye(3) - U @ J @ solution.covariance[k] @ J.T @ U.T)
     tested = variance > _TESTED

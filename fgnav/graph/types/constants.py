@@ -1,7 +1,6 @@
 """What holds for a whole flight and is estimated with it: places, angles, offsets."""
 
-from dataclasses import dataclass, replace
-from itertools import accumulate
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -82,30 +81,27 @@ class Constants:
     """
 
     parts: tuple[FlightConstant, ...] = ()
+    width: int = field(init=False)  # dimensions of all parts together, b
+    first: tuple[int, ...] = field(init=False)  # first column of each part
+    _columns: dict[str, slice] = field(init=False)
 
-    @property
-    def width(self) -> int:
-        """Dimensions of all parts together, b."""
-        return sum(part.size for part in self.parts)
-
-    @property
-    def first(self) -> tuple[int, ...]:
-        """First column of each part."""
-        return tuple(accumulate((part.size for part in self.parts), initial=0))[:-1]
+    def __post_init__(self) -> None:
+        """Lay the parts out."""
+        ends = np.cumsum([part.size for part in self.parts], dtype=np.int64).tolist()
+        first = (0, *ends)[: len(ends)]
+        columns = zip(self.parts, map(slice, first, ends), strict=True)
+        object.__setattr__(self, "width", ends[-1] if ends else 0)
+        object.__setattr__(self, "first", first)
+        object.__setattr__(self, "_columns", {part.name: columns for part, columns in columns})
 
     def column(self, name: str) -> int:
         """Return the first column of the part of that name; -1 if there is none."""
-        for part, first in zip(self.parts, self.first, strict=True):
-            if part.name == name:
-                return first
-        return -1
+        columns = self._columns.get(name)
+        return -1 if columns is None else int(columns.start)
 
     def columns(self, name: str) -> slice:
         """Return the columns of the part of that name; none if there is none."""
-        for part, first in zip(self.parts, self.first, strict=True):
-            if part.name == name:
-                return slice(first, first + part.size)
-        return slice(0, 0)
+        return self._columns.get(name, slice(0, 0))
 
     @property
     def mean(self) -> FloatArray:
@@ -134,3 +130,6 @@ class Constants:
                 for part, first in zip(self.parts, self.first, strict=True)
             )
         )
+
+
+NO_CONSTANTS = Constants()

@@ -90,12 +90,20 @@ class Problem:
         return len(self.t_s), self.constants.width
 
     def with_constants(self, parts: tuple[FlightConstant, ...]) -> "Problem":
-        """Return the same with more constants, after those it has."""
+        """Return the same with more constants, after those it has, for its sensors and phases."""
+        if not parts:
+            return self
         constants = Constants((*self.constants.parts, *parts))
         start = self.start._replace(
             constants=np.concatenate([self.start.constants, *(p.start for p in parts)])
         )
-        return replace(self, constants=constants, start=start)
+        return replace(
+            self,
+            constants=constants,
+            start=start,
+            sensors=tuple(sensor.bound(constants) for sensor in self.sensors),
+            phase=self.phase and replace(self.phase, constants=constants),
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -114,6 +122,8 @@ class Opening:
         From the accelerometer to the antenna, whose position it leaves where it is.
     axis_n : ndarray, shape (1, 3) or (n, 3)
         About which the heading is open: down, or the specific force of each keyframe.
+    aligned : Problem or None
+        As it would be if the heading were known from the first keyframe on.
     """
 
     problem: Problem
@@ -121,6 +131,7 @@ class Opening:
     heading_variance_rad2: float
     arm_b_m: FloatArray
     axis_n: FloatArray = field(default_factory=lambda: np.array([[0.0, 0.0, 1.0]]))
+    aligned: Problem | None = None
 
     @property
     def keyframes(self) -> int:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlia
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.constants import NO_CONSTANTS, Constants
 from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
@@ -42,6 +42,21 @@ class Sensor(Protocol):
         ...
 
     @property
+    def rows(self) -> int:
+        """Dimensions of each residual, m."""
+        ...
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the constants in the model; one that the problem has none of is zero."""
+        ...
+
+    @property
+    def constants(self) -> Constants:
+        """Constants of the problem."""
+        ...
+
+    @property
     def freedom(self) -> IntArray:
         """How many dimensions of the residual each one measures, (k,)."""
         ...
@@ -66,6 +81,10 @@ class Sensor(Protocol):
         """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
         ...
 
+    def bound(self, constants: Constants) -> Self:
+        """Return the same measurements of a problem that has these constants."""
+        ...
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class SensorRows:
@@ -73,9 +92,9 @@ class SensorRows:
 
     name: ClassVar[str]  # in reports
     shapes: ClassVar[Shapes] = {}  # of the float arrays, "k" for the number of measurements
-    rows: ClassVar[int]  # of each residual, where all of them know something
-    whitening: ClassVar[str] = ""  # field, (k, m, ...), whose rows are zero where they do not
+    whitening: ClassVar[str] = ""  # field, (k, m, ...), whose rows are zero where not all are known
     row: IntArray  # (k,): keyframes
+    constants: Constants = NO_CONSTANTS  # of the problem, see ``bound``
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays; one that is None stays so."""
@@ -84,6 +103,16 @@ class SensorRows:
             if getattr(self, field) is not None:
                 freeze(self.name, self, {field: tuple(k if n == "k" else int(n) for n in shape)})
         freeze(self.name, self, {"row": (k,)}, dtype=int)
+
+    @property
+    def rows(self) -> int:
+        """Dimensions of each residual, m."""
+        raise NotImplementedError
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the constants in the model."""
+        return ()
 
     @property
     def freedom(self) -> IntArray:
@@ -96,13 +125,21 @@ class SensorRows:
         """Return the same measurements at other rows, (k,)."""
         return replace(self, row=row)
 
+    def bound(self, constants: Constants) -> Self:
+        """Return the same measurements of a problem that has these constants."""
+        return replace(self, constants=constants)
+
+    def derivatives(self, at: States) -> tuple[FloatArray, FloatArray]:
+        """Return zeros for derivatives by states, (j, m, D), and constants, (j, m, b)."""
+        rows = len(at.R_nb), self.rows
+        return np.zeros((*rows, at.width)), np.zeros((*rows, len(at.constants)))
+
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class WrappedSensor:
     """What measurements that carry others elsewhere, in time or axes, have of these."""
 
     measurement: Sensor
-    constants: Constants
 
     @property
     def name(self) -> str:
@@ -115,9 +152,28 @@ class WrappedSensor:
         return self.measurement.row
 
     @property
+    def rows(self) -> int:
+        """Dimensions of each residual, m."""
+        return self.measurement.rows
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the constants in the model."""
+        return self.measurement.parameters
+
+    @property
+    def constants(self) -> Constants:
+        """Constants of the problem."""
+        return self.measurement.constants
+
+    @property
     def freedom(self) -> IntArray:
         """Directions that are known, (k,)."""
         return self.measurement.freedom
+
+    def bound(self, constants: Constants) -> Self:
+        """Return the same measurements of a problem that has these constants."""
+        return replace(self, measurement=self.measurement.bound(constants))
 
     def on(self, row: IntArray) -> Self:
         """Return the same measurements at other rows, (k,)."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 import gtsam
 import numpy as np
 
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
@@ -43,10 +43,10 @@ def with_custom_heading(prepared: PreparedFlight, custom: Sequence[NamedFactor])
         involved = list(one.factor.keys())
         if len(involved) == 1 and keys.letter(involved[0]) == "x":
             first.setdefault(keys.index(involved[0]), one)
-    windowed = replace(prepared.windowed, start=opening.problem.start)
+    begun = replace(prepared.problem, start=opening.problem.start)
     turned, information = 0.0 + 0.0j, 0.0
     for k in sorted(first):
-        correction = _heading_correction(windowed, first[k], k)
+        correction = _heading_correction(begun, first[k], k)
         if correction is None:
             continue
         if prepared.problem.t_s[k] >= opening.until_s:
@@ -77,13 +77,10 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
         R_nb=R_nb[0],
         covariance_rad2=across @ level @ across + ROTATION_PRIOR_RAD**2 * np.outer(down_b, down_b),
     )
-    base = prepared.windowed if prepared.in_motion is None else prepared.in_motion
-    aligned = replace(base, start=start, attitude_prior=prior)
-    at_rest = opening.until_s == np.inf
+    aligned = prepared.problem if opening.aligned is None else opening.aligned
     return replace(
         prepared,
-        problem=aligned if at_rest else prepared.problem,
-        windowed=aligned,
+        problem=replace(aligned, start=start, attitude_prior=prior),
         opening=None if from_s <= prepared.problem.t_s[0] else replace(opening, until_s=from_s),
     )
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import BadInputError, Loss
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph import keys
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced

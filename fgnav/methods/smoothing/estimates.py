@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.alignment.gaps import gap_notes, spans
+from fgnav.alignment.rates import timed_motion
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
-from fgnav.frontend.attitude.rates import timed_motion
-from fgnav.frontend.gaps import gap_notes, spans
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.assembly.motion import prior_note
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.frontend.motion import prior_note
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
@@ -75,7 +75,6 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     return replace(
         prepared,
         problem=best.problem,
-        windowed=best.problem,
         attitude_inflation_rad2=added,
         notes=(*notes, note),
     )

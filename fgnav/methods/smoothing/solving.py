@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from fgnav.alignment.gaps import LOST_S, time_from_attitude_s
+from fgnav.assembly.heading_open import FIXED_RAD
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.frontend.gaps import LOST_S, time_from_attitude_s
-from fgnav.frontend.heading_open import FIXED_RAD
-from fgnav.frontend.prepared import PreparedFlight
 from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.types.problem import (
     ROTATION_PRIOR_RAD,
@@ -37,7 +37,7 @@ def by_window(
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
     from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
 
-    problem, keep, added = prepared.windowed, False, None
+    problem, keep, added = prepared.problem, False, None
     if not prepared.causal and is_known_late(prepared):
         problem, added = _at_batch(prepared, custom)
         keep = True

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fgnav.frontend.attitude.in_motion import WINDOW_S
-from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.prepared import Earlier, PreparedFlight
+from fgnav.alignment.in_motion.windows import WINDOW_S
+from fgnav.assembly.prepared import Earlier, PreparedFlight
+from fgnav.assembly.truncation import truncated
 from fgnav.gnss.signals import band, select
 from fgnav.gnss.single_point.model import code_channels
 from fgnav.gnss.single_point.solution import code_solution

@@ -4,24 +4,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.attitude.array import maximum_likelihood
-from fgnav.checks import BadInputError, FloatArray
-from fgnav.frontend.calibration_request import (
+from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
     of_vehicle,
     with_landmark,
 )
-from fgnav.frontend.position.series import VectorSeries
-from fgnav.frontend.sensor_factors import Recorded, sensors_of
-from fgnav.frontend.sensors.sensed import Sensed
-from fgnav.frontend.sensors.surroundings import Heights, MagneticField, field_of, heights_of
+from fgnav.assembly.position.series import VectorSeries
+from fgnav.assembly.sensors.gnss import array_sensors, positions, velocities
+from fgnav.assembly.sensors.instruments import gravity_sensor, line_of_sight
+from fgnav.assembly.sensors.surroundings import field_sensor, height_sensor
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
 
@@ -51,8 +52,8 @@ def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | No
     t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
     gravity_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
-    sensed = _sensed(now, set_up, t_s, p_n_m)
-    constants = _constants(set_up, sensed, gyroscope=has_gyroscope)
+    sensors, of_instruments = _sensors(now, set_up, t_s, p_n_m)
+    constants = _constants(set_up, of_instruments, gyroscope=has_gyroscope)
     v_n_mps = np.zeros(3) if now.velocity is None else now.velocity.value
     return Problem(
         t_s=t_s,
@@ -64,48 +65,58 @@ def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | No
             constants=constants.start,
         ),
         motion=_motion(now, set_up, t_s, gravity_n_mps2, constants),
-        sensors=sensors_of(_recorded(now, set_up, sensed, gravity_n_mps2), constants),
+        sensors=tuple(one.bound(constants) for one in sensors),
         constants=constants,
         attitude_known=np.full(n, has_attitude),
     )
 
 
-def _constants(set_up: StreamSetUp, sensed: Sensed, *, gyroscope: bool) -> Constants:
+def _sensors(
+    now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray
+) -> tuple[tuple[Sensor, ...], tuple[FlightConstant, ...]]:
+    """Return what was measured in the last of the rows, and the constants of instruments."""
+    n, row, rates = len(t_s), np.array([len(t_s) - 1]), None
+    sensors: list[Sensor] = []
+    if now.array is not None:
+        every, none = now.array[np.zeros(n, dtype=np.int64)], np.full(n, -1, dtype=np.int64)
+        sensors += array_sensors(every, None, (), np.arange(n) == n - 1, none, (None, False))
+    if now.imu.w_b_radps is not None:
+        newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
+        rates = np.tile(newest, (n, 1))
+    arm_b_m = _arm_b_m(now, set_up)
+    sensors += positions(_series(now.position, n, arm_b_m))
+    earth = set_up.origin.earth_rate_n_radps
+    sensors += velocities(_series(now.velocity, n, arm_b_m), rates, earth)
+    if now.gravity is not None:
+        down_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
+        sensors.append(gravity_sensor(_directions("gravity", now.gravity, n), down_n_mps2))
+    if now.sight is not None:
+        sensors.append(line_of_sight(_directions("line of sight", now.sight, n)))
+    constants: list[FlightConstant] = []
+    if set_up.barometer is not None:
+        height_m = np.full(n, np.nan)
+        height_m[row] = np.nan if now.height_m is None else now.height_m
+        of = set_up.barometer, now.imu.position_b_m, set_up.origin
+        height, offset = height_sensor(*of, t_s, np.tile(p_n_m, (n, 1)), height_m)
+        sensors.append(height)
+        constants.append(offset)
+    if set_up.magnetometer is not None:
+        field_b_ut = np.full((n, 3), np.nan)
+        field_b_ut[row] = np.nan if now.field_b_ut is None else now.field_b_ut
+        field, iron = field_sensor(set_up.magnetometer, field_b_ut)
+        sensors.append(field)
+        constants.append(iron)
+    return tuple(one for one in sensors if len(one.row)), tuple(constants)
+
+
+def _constants(
+    set_up: StreamSetUp, of_instruments: tuple[FlightConstant, ...], *, gyroscope: bool
+) -> Constants:
     parts = tuple(of_vehicle(word) for word in calibration_requests(set_up.estimate))
     if set_up.landmark_n_m is not None:
         parts = with_landmark(parts, set_up.landmark_n_m)
-    parts = (*parts, *sensed.constants)
+    parts = (*parts, *of_instruments)
     return Constants(parts if gyroscope else (*parts, mean_rate()))
-
-
-def _sensed(now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray) -> Sensed:
-    """Return what instruments measured, in the last of the rows."""
-    n = len(t_s)
-    heights, field = _surroundings(now, set_up, t_s, p_n_m)
-    return Sensed(
-        sight=_directions("line of sight", now.sight, n),
-        gravity=_directions("gravity", now.gravity, n),
-        heights=heights,
-        field=field,
-    )
-
-
-def _surroundings(
-    now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray
-) -> tuple[Heights | None, MagneticField | None]:
-    """Return samples of barometer and magnetometer, in the last of the rows."""
-    barometer, magnetometer, n = set_up.barometer, set_up.magnetometer, len(t_s)
-    heights, field = None, None
-    if barometer is not None:
-        height_m = np.full(n, np.nan)
-        height_m[-1] = np.nan if now.height_m is None else now.height_m
-        places_n_m, at_b_m = np.tile(p_n_m, (n, 1)), now.imu.position_b_m
-        heights = heights_of(barometer, at_b_m, set_up.origin, t_s, places_n_m, height_m)
-    if magnetometer is not None:
-        field_b_ut = np.full((n, 3), np.nan)
-        field_b_ut[-1] = np.nan if now.field_b_ut is None else now.field_b_ut
-        field = field_of(magnetometer, field_b_ut)
-    return heights, field
 
 
 def _motion(
@@ -139,36 +150,7 @@ def _motion(
         poles_per_s=np.tile(set_up.rate_prior.poles_per_s, (n, 1, 1)),
         variance_rad2ps2=np.tile(set_up.rate_prior.variance_rad2ps2, (n, 1)),
         accelerometer_noise=noise,
-        rate_column=constants.column("mean rate"),
         constants=constants,
-    )
-
-
-def _recorded(
-    now: Measurements, set_up: StreamSetUp, sensed: Sensed, gravity_n_mps2: FloatArray
-) -> Recorded:
-    """Return what the last of n rows measured."""
-    n, rates = len(gravity_n_mps2), None
-    valid = np.zeros(n, dtype=np.bool_)
-    valid[-1] = now.array is not None
-    if now.imu.w_b_radps is not None:
-        newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
-        rates = np.tile(newest, (n, 1))
-    position, velocity = (
-        _series(one, n, _arm_b_m(now, set_up)) for one in (now.position, now.velocity)
-    )
-    return Recorded(
-        array=None if now.array is None else now.array[np.zeros(n, dtype=np.int64)],
-        array_valid=valid,
-        float_stretch=np.full(n, -1, dtype=np.int64),
-        shape=None,
-        antennas=(),
-        positions=() if position is None else (position,),
-        velocities=() if velocity is None else (velocity,),
-        sensed=sensed,
-        gravity_n_mps2=gravity_n_mps2,
-        measured_b_radps=rates,
-        earth_rate_n_radps=set_up.origin.earth_rate_n_radps,
     )
 
 
@@ -195,20 +177,17 @@ def _arm_b_m(now: Measurements, set_up: StreamSetUp) -> FloatArray:
     return set_up.antenna_b_m - now.imu.position_b_m
 
 
-def _series(measured: Measured | None, n: int, arm_b_m: FloatArray) -> VectorSeries | None:
-    """Return a measurement in the last of n rows."""
+def _series(measured: Measured | None, n: int, arm_b_m: FloatArray) -> tuple[VectorSeries, ...]:
+    """Return a measurement in the last of n rows, if there is one."""
     if measured is None:
-        return None
+        return ()
     value = np.full((n, 3), np.nan)
     value[-1] = measured.value
-    return VectorSeries(
-        value=value, covariance=np.tile(measured.covariance, (n, 1, 1)), arm_b_m=arm_b_m
-    )
+    covariance = np.tile(measured.covariance, (n, 1, 1))
+    return (VectorSeries(value=value, covariance=covariance, arm_b_m=arm_b_m),)
 
 
-def _directions(what: str, direction: Direction | None, n: int) -> Directions | None:
+def _directions(what: str, direction: Direction, n: int) -> Directions:
     """Return a direction in the last of n rows."""
-    if direction is None:
-        return None
     one = Directions.of(what, direction.e_b[None], direction.covariance[None])
     return one.scatter(np.array([n - 1]), n)

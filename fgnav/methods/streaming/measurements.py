@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.frontend.calibration_request import calibration_requests
 from fgnav.geometry.earth import Origin
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
@@ -38,7 +38,7 @@ class StreamSetUp:
         The field where the vehicle is, and how the instrument errs; its record is not read.
     estimate : tuple of str
         What else to estimate, such as ``("boresight", "lever-arm=0.2")``, see
-        ``frontend.calibration_request``: all but antennas. It is linearised where it is stated:
+        ``assembly.calibration_request``: all but antennas. It is linearised where it is stated:
         angles off by more than a few degrees want a flight's batch first.
     sub_steps : int
         Integration steps per inertial sample.

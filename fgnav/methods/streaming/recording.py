@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from fgnav.assembly.truncation import BY_CHANNEL, BY_EPOCH, truncated
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.frontend.causal.truncation import BY_CHANNEL, BY_EPOCH, truncated
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Samples
 from fgnav.types.instruments import joined as concatenate_samples

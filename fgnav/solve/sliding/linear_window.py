@@ -267,5 +267,5 @@ def _transform_bias(
     before, after = (state.aux[0, of] - measured_b for state in states)
     after = turn @ after
     moved[bias, bias] = turn
-    moved[bias, ROTATION] = skew((before - after)[None])[0] @ turn
+    moved[bias, ROTATION] = skew(before - after) @ turn
     moved[bias, -1] = before - after - np.cross(before, step[ROTATION])

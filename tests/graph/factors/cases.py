@@ -5,20 +5,11 @@ import numpy as np
 
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, States
 
 STEP = 1e-6
-
-
-def constants(*sizes: int) -> Constants:
-    """Return parts of these sizes, named a, b, ..."""
-    parts = [
-        flight_constant("abcdefgh"[i], tuple("xyzuvwrst"[:d]), "m", 1.0)
-        for i, d in enumerate(sizes)
-    ]
-    return Constants(tuple(parts))
 
 
 def random_states(

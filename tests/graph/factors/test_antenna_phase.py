@@ -7,7 +7,9 @@ from numpy.testing import assert_allclose
 
 from fgnav.graph import keys
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
-from tests.graph.factors import cases
+from fgnav.graph.factors.position import LEVER_ARM
+from fgnav.graph.types.constants import Constants
+from tests.graph.factors import cases, sensors
 
 
 def phases(rng, shared, *, lever=False, sizes=(5, 4)):
@@ -33,8 +35,7 @@ def phases(rng, shared, *, lever=False, sizes=(5, 4)):
         block=np.arange(len(sizes)),
         blocks=tuple(blocks),
         arm_b_m=rng.normal(size=(len(sizes), 3)),
-        lever_column=shared.column("a") if lever else -1,
-        constants=shared,
+        constants=shared if lever else Constants(),
     )
 
 
@@ -49,7 +50,7 @@ def values_of(at, arcs):
 
 @pytest.mark.parametrize("lever", [False, True])
 def test_jacobians_equal_differences(lever):
-    rng, shared = np.random.default_rng(1), cases.constants(3)
+    rng, shared = np.random.default_rng(1), sensors.constants(LEVER_ARM)
     at = cases.random_states(1, shared, rng)
     factor = phases(rng, shared, lever=lever).factor(0, 0)
     values = values_of(at, [rng.normal(size=5)])
@@ -71,7 +72,7 @@ def test_jacobians_equal_differences(lever):
 
 
 def test_the_residual_is_the_equation():
-    rng, shared = np.random.default_rng(2), cases.constants(3)
+    rng, shared = np.random.default_rng(2), sensors.constants(LEVER_ARM)
     at, of = cases.random_states(1, shared, rng), phases(rng, shared, lever=True)
     A, one = rng.normal(size=5), of.rows[0]
     place = at.p_n_m[0] + at.R_nb[0] @ (of.arm_b_m[0] + at.constants[:3])
@@ -81,7 +82,7 @@ def test_the_residual_is_the_equation():
 
 
 def test_a_block_follows_from_the_one_before():
-    rng, shared = np.random.default_rng(3), cases.constants(3)
+    rng, shared = np.random.default_rng(3), sensors.constants(LEVER_ARM)
     at, of = cases.random_states(1, shared, rng), phases(rng, shared)
     arcs = [rng.normal(size=5), rng.normal(size=4)]
     values, one = values_of(at, arcs), of.blocks[1]
@@ -92,7 +93,7 @@ def test_a_block_follows_from_the_one_before():
 
 
 def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
-    of = phases(np.random.default_rng(4), cases.constants(3))
+    of = phases(np.random.default_rng(4), sensors.constants(LEVER_ARM))
     assert of.ending(9) == {2: (0,), 9: (1,)}
     moved = of.on(np.array([4, 8]))
     assert [one.begin_row for one in moved.blocks] == [4, 8]

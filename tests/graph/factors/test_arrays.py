@@ -1,12 +1,11 @@
 import numpy as np
 
-from fgnav.graph.sensor_factor import parts_of
 from fgnav.graph.types.arrays import contiguous
-from tests.graph.factors import cases
+from tests.graph.factors import cases, sensors
 
 
 def test_states_of_any_layout_are_the_same_to_a_kernel():
-    at = cases.random_states(4, cases.constants(2), np.random.default_rng(1))
+    at = cases.random_states(4, sensors.constants("another"), np.random.default_rng(1))
     odd = at._replace(R_nb=at.R_nb.swapaxes(1, 2), p_n_m=at.p_n_m[:, ::-1])
     odd.v_n_mps.flags.writeable = False
     which = np.arange(8)[::2]
@@ -19,14 +18,10 @@ def test_states_of_any_layout_are_the_same_to_a_kernel():
 
 
 def test_states_that_are_ready_are_not_copied():
-    at, which = cases.random_states(4, cases.constants(2), np.random.default_rng(2)), np.arange(4)
+    at, which = (
+        cases.random_states(4, sensors.constants("another"), np.random.default_rng(2)),
+        np.arange(4),
+    )
     ready, rows = contiguous(at, which)
     assert ready is at
     assert rows is which
-
-
-def test_columns_are_found_in_their_parts():
-    shared = cases.constants(3, 2, 6)
-    assert parts_of(shared, (-1, -1)) == ()
-    assert parts_of(shared, (0, 2, -1)) == (0,)
-    assert parts_of(shared, (8, 3)) == (1, 2)

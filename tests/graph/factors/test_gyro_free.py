@@ -47,7 +47,6 @@ def gyro_free(imu, t_s, *, length_s=LENGTHS_S, variance=0.3, sub_steps=5):
         poles_per_s=np.tile(matern.poles(np.broadcast_to(length_s, 3)), (n - 1, 1, 1)),
         variance_rad2ps2=np.full((n - 1, 3), variance),
         accelerometer_noise=np.full(n - 1, DENSITY),
-        rate_column=RATE.start,
         constants=CONSTANTS,
     )
 
@@ -298,5 +297,5 @@ def test_arrays_of_wrong_shape_are_refused_by_name():
     factors, _ = of_motion(sine(20.0), 0.1, 5)
     with pytest.raises(BadInputError, match=r"gyro-free poles_per_s: expected shape \(5, 3, 3\)"):
         replace(factors, poles_per_s=np.ones((4, 3)))
-    with pytest.raises(BadInputError, match="the mean rate is not among the constants"):
-        replace(factors, rate_column=3)
+    with pytest.raises(BadInputError, match="gyro-free constants: mean rate is not among them"):
+        replace(factors, constants=Constants())

@@ -34,7 +34,6 @@ def drawn(rng, louder=1.0):
         block=np.repeat([0, 1], HALF),
         blocks=blocks,
         arm_b_m=np.zeros((EPOCHS, 3)),
-        lever_column=-1,
         constants=Constants(()),
     )
 

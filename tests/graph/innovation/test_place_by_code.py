@@ -39,7 +39,6 @@ def solved(rng, place_sigma_m, off_m=0.0):
         block=np.array([0]),
         blocks=(block,),
         arm_b_m=np.zeros((1, 3)),
-        lever_column=-1,
         constants=Constants(()),
     )
     covariance = np.zeros((1, WIDTH, WIDTH))

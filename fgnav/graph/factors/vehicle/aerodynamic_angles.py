@@ -18,8 +18,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.sensor_factor import parts_of, sensor_factor
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.sensor_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
@@ -35,35 +34,31 @@ class AerodynamicAngles(SensorRows):
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {"sigma_rad": ("k", 2)}
     rows: ClassVar[int] = 2
+    parameters: ClassVar[tuple[str, ...]] = (WIND, MEAN)
     sigma_rad: FloatArray  # (k, 2)
-    # First of the two constants w, and of m.
-    wind_column: int
-    mean_column: int
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of angles ``which``, (j,); see ``Sensor``."""
-        j, wind, mean = len(which), self.wind_column, self.mean_column
+        wind, mean = map(self.constants.columns, self.parameters)
         R_bn = transpose(at.R_nb)
         air_n_mps = at.v_n_mps.copy()
-        air_n_mps[:, :2] -= at.constants[wind : wind + 2]
+        air_n_mps[:, :2] -= at.constants[wind]
         u = np.einsum("kij,kj->ki", R_bn, air_n_mps)
-        by_u = np.zeros((j, 2, 3))
+        by_u = np.zeros((len(which), 2, 3))
         for row, axis in enumerate((1, 2)):
             squared = u[:, 0] ** 2 + u[:, axis] ** 2
             by_u[:, row, 0] = -u[:, axis] / squared
             by_u[:, row, axis] = u[:, 0] / squared
-        angles = np.arctan2(u[:, 1:], u[:, :1]) - at.constants[mean : mean + 2]
+        angles = np.arctan2(u[:, 1:], u[:, :1]) - at.constants[mean]
         weight = 1.0 / self.sigma_rad[which]
         by_u *= weight[:, :, None]
-        state, shared = np.zeros((j, 2, at.width)), np.zeros((j, 2, len(at.constants)))
+        state, shared = self.derivatives(at)
         state[:, :, ROTATION] = by_u @ skew(u)
         state[:, :, VELOCITY] = by_u @ R_bn
-        shared[:, :, wind : wind + 2] = -state[:, :, VELOCITY][:, :, :2]
-        shared[:, :, mean : mean + 2] = -weight[:, :, None] * np.eye(2)
+        shared[:, :, wind] = -state[:, :, VELOCITY][:, :, :2]
+        shared[:, :, mean] = -weight[:, :, None] * np.eye(2)
         return Linearised(weight * angles, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return angles i as a factor of keyframe ``key``."""
-        parts = parts_of(self.constants, (self.wind_column, self.mean_column))
-        return sensor_factor(self, i, key, ("pose", "velocity"), parts, rows=2)
+        return sensor_factor(self, i, key, ("pose", "velocity"))

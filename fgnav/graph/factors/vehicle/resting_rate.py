@@ -18,7 +18,6 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
 from fgnav.graph.sensor_factor import sensor_factor
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import RATE, ROTATION, States
 
@@ -39,19 +38,17 @@ class RestingRate(SensorRows):
     measured_b_radps: FloatArray  # (k, 3)
     sigma_radps: FloatArray  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
-    constants: Constants
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of rates ``which``, (j,); see ``Sensor``."""
         weight = 1.0 / self.sigma_radps[which]
         earth_b = np.einsum("kij,j->ki", transpose(at.R_nb), self.earth_rate_n_radps)
-        state = np.zeros((len(which), 3, at.width))
+        state, shared = self.derivatives(at)
         state[:, :, ROTATION] = -weight[:, :, None] * skew(earth_b)
         state[:, :, RATE] = -weight[:, :, None] * np.eye(3)
-        shared = np.zeros((len(which), 3, len(at.constants)))
         value = weight * (self.measured_b_radps[which] - at.aux[:, 3:6] - earth_b)
         return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return rate i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose", "imu_bias"), (), rows=3)
+        return sensor_factor(self, i, key, ("pose", "imu_bias"))

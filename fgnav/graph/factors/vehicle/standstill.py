@@ -34,9 +34,8 @@ class Standstill(SensorRows):
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""
         weight = 1.0 / self.sigma_mps[which]
-        state = np.zeros((len(which), 3, at.width))
+        state, shared = self.derivatives(at)
         state[:, :, VELOCITY] = weight[:, None, None] * np.eye(3)
-        shared = np.zeros((len(which), 3, len(at.constants)))
         return Linearised(weight[:, None] * at.v_n_mps, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:

@@ -20,8 +20,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.sensor_factor import Use, parts_of, sensor_factor
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
@@ -42,16 +41,13 @@ class RollingWheels(SensorRows):
         "earth_rate_n_radps": (3,),
     }
     rows: ClassVar[int] = 2
+    parameters: ClassVar[tuple[str, ...]] = (AXES, AXLE)
     slip_mps: float  # sigma
     arm_b_m: FloatArray  # (3,): a
     # The gyroscope's rates at those keyframes: w is that less the bias and less the Earth's; None
     # without one, where w is a state.
     measured_b_radps: FloatArray | None  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
-    # First of the two constants c, and of the three of l.
-    axes_column: int
-    axle_column: int
-    constants: Constants
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -60,30 +56,29 @@ class RollingWheels(SensorRows):
 
     def linearise(self, at: States, which: IntArray) -> Linearised:
         """Return whitened residuals of measurements ``which``, (j,); see ``Sensor``."""
-        j, first, axle = len(which), self.axes_column, self.axle_column
-        arm_b_m = self.arm_b_m + at.constants[axle : axle + 3]
-        R_bn, arm = transpose(at.R_nb), skew(arm_b_m[None])
+        axes, axle = map(self.constants.columns, self.parameters)
+        arm_b_m = self.arm_b_m + at.constants[axle]
+        R_bn, arm = transpose(at.R_nb), skew(arm_b_m)
         v_b = np.einsum("kij,kj->ki", R_bn, at.v_n_mps)
-        rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((j, 3, 3))
+        rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((len(which), 3, 3))
         if self.measured_b_radps is not None:
             earth_b = np.einsum("kij,j->ki", R_bn, self.earth_rate_n_radps)
             rate, by_rate = self.measured_b_radps[which] - rate - earth_b, arm
             earth = arm @ skew(earth_b)
         axle_b = v_b + np.cross(rate, arm_b_m)
-        turn = np.array([0.0, *at.constants[first : first + 2]])
+        turn = np.array([0.0, *at.constants[axes]])
         back = exp(-turn[None])[0]
         weight = 1.0 / self.slip_mps
-        state, shared = np.zeros((j, 2, at.width)), np.zeros((j, 2, len(at.constants)))
+        state, shared = self.derivatives(at)
         state[:, :, ROTATION] = (back @ (skew(v_b) + earth))[:, 1:]
         state[:, :, VELOCITY] = (back @ R_bn)[:, 1:]
-        state[:, :, _RATE] = (back @ by_rate)[:, 1:]
+        state[:, :, _RATE] = (back @ by_rate)[1:]
         by_turn = back @ skew(axle_b) @ right_jacobian(-turn)
-        shared[:, :, first : first + 2] = by_turn[:, 1:, 1:]
-        shared[:, :, axle : axle + 3] = (back @ skew(rate))[:, 1:]
+        shared[:, :, axes] = by_turn[:, 1:, 1:]
+        shared[:, :, axle] = (back @ skew(rate))[:, 1:]
         return Linearised(weight * (axle_b @ back.T)[:, 1:], weight * state, weight * shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
         aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
-        parts = parts_of(self.constants, (self.axes_column, self.axle_column))
-        return sensor_factor(self, i, key, ("pose", "velocity", aux), parts, rows=2)
+        return sensor_factor(self, i, key, ("pose", "velocity", aux))

@@ -8,7 +8,6 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.scores import errors_against
-from fgnav.graph.factors.vehicle.aerodynamic_angles import AerodynamicAngles
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.methods.smoother import Batch, Smoother
@@ -16,27 +15,8 @@ from fgnav.types.vehicle import FinnedVehicle
 from fgnav_sim.motion import Motion, Sine, Straight
 from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate, simulate_many
-from tests.graph.factors import cases
 
-K = 4
 SWING_DEG = 8.0  # the largest of a drawn amplitude: sigma is that of its sine, over all draws
-
-
-@pytest.fixture
-def case():
-    rng, shared = np.random.default_rng(1), cases.constants(1, 2, 2)
-    angles = AerodynamicAngles(
-        row=np.arange(K),
-        sigma_rad=rng.uniform(0.05, 0.2, (K, 2)),
-        wind_column=shared.column("b"),
-        mean_column=shared.column("c"),
-        constants=shared,
-    )
-    return angles, cases.random_states(K, shared, rng, gyroscope=False), shared
-
-
-def test_derivatives_are_differences_and_gtsam_says_the_same(case):
-    cases.assert_factor(*case)
 
 
 def test_a_flight_keeps_its_fins_and_refuses_those_of_wheels(tmp_path):

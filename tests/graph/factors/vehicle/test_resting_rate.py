@@ -5,35 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.frontend.causal.truncation import truncated
-from fgnav.frontend.problem import build_problem
-from fgnav.graph.factors.vehicle.resting_rate import NAME, RestingRate
+from fgnav.assembly.problem import build_problem
+from fgnav.assembly.truncation import truncated
+from fgnav.graph.factors.vehicle.resting_rate import NAME
 from fgnav.methods.smoother import Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
-from tests.frontend.standing import standing
-from tests.graph.factors import cases
+from tests.assembly.standing import standing
 from tests.methods.simulated import errors_rad, nees
 
-K = 4
 STANDS_S = 25.0
 EARTH_N_RADPS = np.array([5.6e-5, 0.0, -4.7e-5])
-
-
-@pytest.fixture
-def case():
-    rng, shared = np.random.default_rng(1), cases.constants(1)
-    resting = RestingRate(
-        row=np.arange(K),
-        measured_b_radps=rng.normal(scale=1e-3, size=(K, 3)),
-        sigma_radps=rng.uniform(1e-5, 1e-4, (K, 3)),
-        earth_rate_n_radps=EARTH_N_RADPS,
-        constants=shared,
-    )
-    return resting, cases.random_states(K, shared, rng, gyroscope=True), shared
-
-
-def test_derivatives_are_differences_and_gtsam_says_the_same(case):
-    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

@@ -5,31 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.assembly.truncation import truncated
 from fgnav.checks import BadInputError
-from fgnav.frontend.causal.truncation import truncated
 from fgnav.geometry.interpolation import interpolate
-from fgnav.graph.factors.vehicle.standstill import NAME, Standstill
+from fgnav.graph.factors.vehicle.standstill import NAME
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
-from tests.frontend.stops import STOPS_S, stops
-from tests.graph.factors import cases
+from tests.assembly.stops import STOPS_S, stops
 from tests.methods.test_stream_replay import assert_joined
 
-K = 4
 LOST_S = (50.0, 75.0)
-
-
-@pytest.fixture(params=[False, True], ids=["rate a state", "gyroscope"])
-def case(request):
-    rng, shared = np.random.default_rng(1), cases.constants(1)
-    still = Standstill(row=np.arange(K), sigma_mps=rng.uniform(0.01, 0.1, K))
-    return still, cases.random_states(K, shared, rng, gyroscope=request.param), shared
-
-
-def test_derivatives_are_differences_and_gtsam_says_the_same(case):
-    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

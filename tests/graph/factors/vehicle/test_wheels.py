@@ -6,37 +6,15 @@ import numpy as np
 import pytest
 
 from fgnav.geometry.interpolation import interpolate
-from fgnav.graph.factors.vehicle.wheels import NAME, RollingWheels
+from fgnav.graph.factors.vehicle.wheels import NAME
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.vehicle import WheeledVehicle
 from fgnav_sim.motion import Arc, Hold, Motion, Rate
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 from fgnav_sim.simulate import simulate
-from tests.graph.factors import cases
 
-K = 4
 OUTAGE_S = (20.5, 40.5)
-
-
-@pytest.fixture(params=[False, True], ids=["rate a state", "gyroscope"])
-def case(request):
-    rng, shared = np.random.default_rng(1), cases.constants(1, 2, 3)
-    wheels = RollingWheels(
-        row=np.arange(K),
-        slip_mps=0.3,
-        arm_b_m=rng.normal(size=3),
-        measured_b_radps=rng.normal(size=(K, 3)) if request.param else None,
-        earth_rate_n_radps=np.array([5e-2, 0.0, -4e-2]),  # so that it is seen
-        axes_column=shared.column("b"),
-        axle_column=shared.column("c"),
-        constants=shared,
-    )
-    return wheels, cases.random_states(K, shared, rng, gyroscope=request.param), shared
-
-
-def test_derivatives_are_differences_and_gtsam_says_the_same(case):
-    cases.assert_factor(*case)
 
 
 @pytest.fixture(scope="module")

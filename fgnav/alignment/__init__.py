@@ -1,0 +1,1 @@
+"""Attitudes at keyframes before any smoothing: of the array, of other vectors, by motion."""

@@ -1,0 +1,101 @@
+"""Where the reference antenna tracks nothing: the same flight as another antenna's differences.
+
+Differences and code hang on the first antenna. While it is gone, another one can be the first: the
+flight with its antennas in another order is a flight like any other.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fgnav.alignment.gaps import gap_notes, spans
+from fgnav.checks import IntArray, Loss, losses_of
+from fgnav.types.flight import Flight
+
+_SATELLITES = 4  # of a position
+_PER_ANTENNA = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+_AGAINST = "not tracked by the reference antenna"
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class View:
+    """A flight by one reference antenna."""
+
+    flight: Flight  # its first antenna is the reference
+    rows: IntArray  # (k,): its epochs among those of the whole flight
+
+
+def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
+    """Return a flight with raw observations by its reference, then where others stand in for it.
+
+    The first view has all epochs, and the flight's own reference unless that one never tracks four
+    satellites. Each other has the epochs at which no reference before it tracks four and its own
+    does. Next comes the antenna with most such epochs; causal, whichever is next in the flight.
+    """
+    return tuple(_views(flight, causal=causal))
+
+
+def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Loss, ...]:
+    """Return the losses of all views, added up, less what one loses and another makes up for."""
+    flight, seen = views[0].flight, views[0].flight.observations
+    counts: Counter[tuple[str, str]] = Counter()
+    for loss in losses:
+        counts[loss.what, loss.reason] += loss.count
+    for view in views[1:]:
+        if seen is None:
+            break
+        tracked = np.isfinite(seen.code_m[view.rows])
+        used = (tracked & ~tracked[:, :1]).sum(axis=(0, 2))
+        for antenna, count in zip(flight.antennas, used, strict=True):
+            counts[f"{antenna.name} link", _AGAINST] -= int(count)
+    return losses_of(counts)
+
+
+def pivot_notes(views: tuple[View, ...]) -> Iterator[str]:
+    """Yield a sentence on each span in which the reference antenna is gone."""
+    flight = views[0].flight
+    if flight.observations is None or len(views) == 1:
+        return
+    gone = np.zeros(len(flight.observations.t_s), dtype=np.bool_)
+    for view in views[1:]:
+        gone[view.rows] = True
+    names = " and ".join(view.flight.antennas[0].name for view in views[1:])
+    what = f"observations of the reference antenna {flight.antennas[0].name}"
+    for sentence in gap_notes(what, spans(flight.observations.t_s, gone)):
+        yield sentence[:-1] + f": {names} stands in."
+
+
+def _views(flight: Flight, *, causal: bool) -> Iterator[View]:
+    observations = flight.observations
+    if observations is None:
+        yield View(flight=flight, rows=np.empty(0, dtype=np.int64))
+        return
+    enough = np.isfinite(observations.code_m).sum(axis=2) >= _SATELLITES  # (n, a)
+    everything = np.arange(len(observations.t_s))
+    tracked = enough.any(axis=0) if causal else enough.sum(axis=0)
+    first = 0 if enough[:, :1].any() or not enough.any() else int(tracked.argmax())
+    by_first = flight if first == 0 else _by(flight, first, everything)
+    yield View(flight=by_first, rows=everything)
+    missing = ~enough[:, first] if enough.size else np.zeros(0, dtype=np.bool_)
+    while (enough & missing[:, None]).any():
+        remaining = (enough & missing[:, None]).sum(axis=0)
+        best = int((remaining > 0).argmax() if causal else remaining.argmax())
+        rows = np.flatnonzero(missing & enough[:, best])
+        yield View(flight=_by(flight, best, rows), rows=rows)
+        missing[rows] = False
+
+
+def _by(flight: Flight, reference: int, rows: IntArray) -> Flight:
+    """Return some epochs of a flight with an antenna put first."""
+    observations = flight.observations
+    if observations is None:
+        return flight
+    others = [k for k in range(len(flight.antennas)) if k != reference]
+    order = [reference, *others]
+    changed = {name: getattr(observations, name)[rows][:, order] for name in _PER_ANTENNA}
+    part = replace(observations, t_s=observations.t_s[rows], losses=(), **changed)
+    return replace(
+        flight, antennas=tuple(flight.antennas[k] for k in order), observations=part, losses=()
+    )

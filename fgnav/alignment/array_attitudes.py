@@ -1,0 +1,221 @@
+"""Attitudes of single epochs, where the smoother starts: of the array, or of other vectors."""
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fgnav.alignment.alignment import OF_FORM, Alignment, Rows
+from fgnav.alignment.array.pivot import View, pivot_losses, pivot_notes, pivot_views
+from fgnav.alignment.gaps import gap_notes, spans
+from fgnav.alignment.in_motion.attitudes import carried_attitudes
+from fgnav.alignment.in_motion.windows import EarlierMotion
+from fgnav.alignment.matching import nearest
+from fgnav.alignment.vector_alignment import (
+    VECTOR_SIGMA_RAD,
+    of_vectors,
+    vector_attitudes,
+)
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.gravity import GravityDirection
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.validation import ValidatedArray, validated
+from fgnav.types.differences import DoubleDifferences
+from fgnav.types.flight import Flight
+from fgnav.types.integers import Integers, Resolver
+
+
+def without_array(
+    flight: Flight,
+    gravity: GravityDirection | None = None,
+    *,
+    causal: bool = False,
+    earlier: EarlierMotion | None = None,
+) -> Alignment:
+    """Return attitudes by motion beside a gyroscope, or of single epochs by other vectors.
+
+    Parameters
+    ----------
+    flight : Flight
+    gravity : GravityDirection or None
+        A vector; not of causal attitudes.
+    causal : bool
+        Whether each is by what came up to it.
+    earlier : EarlierMotion, optional
+        Of a flight that goes on: what sums up its beginning.
+
+    Raises
+    ------
+    NoSolutionError
+        If it has no track.
+    """
+    imu, sees = flight.imu, flight.photodetector is not None
+    if imu is not None and imu.w_b_radps is not None and not (causal and sees):
+        carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
+        if carried.valid.any() or not sees:
+            return carried
+    if not causal:
+        return vector_attitudes(flight, gravity)
+    track = track_of(flight, causal=True)
+    pairs, losses = measured_vectors(flight, track, causal=True)
+    return of_vectors(track.t_s, with_velocity(pairs, track), losses)
+
+
+class ArrayPhases(NamedTuple):
+    """Phases of an array by one reference antenna, their integers, and what agrees of them."""
+
+    differences: DoubleDifferences
+    integers: Integers
+    clean: ValidatedArray
+
+
+def array_phases(
+    flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
+) -> tuple[ArrayPhases | None, ...]:
+    """Return an array's phases by each view of ``pivot_views``; None where one has no integers.
+
+    Causal: each epoch by epochs up to it.
+
+    Raises
+    ------
+    BadInputError
+        If the resolver has no causal form, and needs one.
+    NoSolutionError
+        If the first has none.
+    """
+    phases: list[ArrayPhases | None] = []
+    for view in pivot_views(flight, causal=causal):
+        try:
+            differences, integers = resolve(view.flight, resolver, causal=causal)
+        except NoSolutionError:
+            if not phases:
+                raise
+            phases.append(None)  # then these epochs stay without
+            continue
+        names = tuple(antenna.name for antenna in view.flight.antennas)
+        clean = validated(differences, integers, names, false_alarm, causal=causal)
+        phases.append(ArrayPhases(differences, integers, clean))
+    return tuple(phases)
+
+
+def of_arrays(
+    flight: Flight, phases: tuple[ArrayPhases | None, ...], *, causal: bool = False
+) -> Alignment:
+    """Return attitudes of the array, by another reference where the first tracks nothing.
+
+    Causal: each from its own epoch, integers and all.
+
+    Parameters
+    ----------
+    flight : Flight
+    phases : tuple of ArrayPhases or None
+        Of these observations, see ``array_phases``.
+    causal : bool
+
+    Raises
+    ------
+    NoSolutionError
+        If an angle is open and the flight has no track.
+    """
+    views = pivot_views(flight, causal=causal)
+    parts: list[tuple[View, Alignment]] = []
+    for view, one in zip(views, phases, strict=True):
+        if one is None:
+            continue
+        try:
+            parts.append((view, _of_array(view.flight, one, causal=causal)))
+        except NoSolutionError:
+            if not parts:
+                raise
+    start = parts[0][1]
+    for view, other in parts[1:]:
+        start = _completed_by(start, other, view.rows)
+    return replace(
+        start,
+        losses=pivot_losses(views, start.losses),
+        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes(views)))),
+    )
+
+
+def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
+    """Fill some epochs, (k,), that have none with the attitudes by another reference antenna."""
+
+    def put(values: Rows, of: Rows) -> Any:  # noqa: ANN401
+        out = values.copy()
+        out[rows] = of
+        return out
+
+    form = start.form
+    if form is not None and other.form is not None:
+        parts = {name: put(getattr(form, name), getattr(other.form, name)) for name in OF_FORM}
+        form = RotationQuadratic(**parts)
+    return replace(
+        start,
+        R_nb=put(start.R_nb, other.R_nb),
+        covariance_rad2=put(start.covariance_rad2, other.covariance_rad2),
+        valid=put(start.valid, other.valid),
+        form=form,
+        refused=put(start.refused, other.refused),
+        losses=(*start.losses, *other.losses),
+        rejections=(*start.rejections, *other.rejections),
+        notes=(*start.notes, *other.notes),
+    )
+
+
+def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment:
+    differences, integers, clean = phases
+    names, attitude = tuple(antenna.name for antenna in flight.antennas), clean.attitude
+    is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
+    if is_open.any():
+        form = _with_vectors(flight, clean.form, differences.t_s, is_open, causal=causal)
+        attitude = maximum_likelihood(form)
+    return Alignment(
+        t_s=differences.t_s,
+        R_nb=attitude.R_nb,
+        covariance_rad2=attitude.covariance_rad2,
+        valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
+        form=clean.form,
+        integers=clean.integers,
+        refused=clean.refused,
+        losses=(*differences.losses, *integers.losses),
+        rejections=clean.rejections,
+        notes=(*clean.notes, *_antenna_gaps(names, differences)),
+        unobservable=attitude.unobservable(),
+        phases=(differences, clean.ranges_m),
+    )
+
+
+def _with_vectors(
+    flight: Flight, form: RotationQuadratic, t_s: FloatArray, wanted: BoolArray, *, causal: bool
+) -> RotationQuadratic:
+    """Return forms with other vectors added at epochs of which an angle is open.
+
+    For where to start alone: the smoother has these vectors as factors of their own.
+    """
+    track = track_of(flight, causal=causal)
+    pairs, _ = measured_vectors(flight, track, causal=causal)
+    row, same = nearest(track.t_s, t_s)
+    for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
+        valid = same & wanted & np.isfinite(v_n[row]).all(axis=1)
+        valid &= np.isfinite(v_b[row]).all(axis=1)
+        size = np.where(valid, np.linalg.norm(v_b[row], axis=1), 1.0)
+        form = form + RotationQuadratic.of_vector_pairs(
+            np.where(valid[:, None], v_n[row], 0.0),
+            np.where(valid[:, None], v_b[row], np.nan),
+            (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
+        )
+    return form
+
+
+def _antenna_gaps(names: tuple[str, ...], differences: DoubleDifferences) -> tuple[str, ...]:
+    """Tell where one antenna has no phase while another has."""
+    tracked = np.isfinite(differences.phase_m).any(axis=2)
+    missing = ~tracked & np.any(tracked, axis=1)[:, None]
+    return tuple(
+        sentence
+        for name, column in zip(names[1:], missing.T, strict=True)
+        for sentence in gap_notes(f"phase of antenna {name}", spans(differences.t_s, column))
+    )

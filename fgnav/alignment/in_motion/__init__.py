@@ -1,0 +1,1 @@
+"""Attitudes by motion beside a gyroscope: specific forces known in two frames."""

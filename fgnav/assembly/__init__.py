@@ -1,0 +1,1 @@
+"""From a flight and its alignment to a smoothing problem: keyframes, motion, sensors, start."""

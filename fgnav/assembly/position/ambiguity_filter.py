@@ -1,0 +1,104 @@
+"""A filter of ambiguities alone, the place of every epoch free, and what is constrained of them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.graph.factors.antenna_phase import ArcBlock
+
+_SIGMA_M = 1e-3  # of a constraint: what stays of echoes and phase centres, of each arc
+
+
+class ArcNames(NamedTuple):
+    """The arcs of a block, the first dimensions of its A."""
+
+    arc: IntArray  # (c,)
+    group: IntArray  # (c,), carriers
+    wavelength_m: FloatArray  # (c,)
+    offset_m: FloatArray  # (c,), taken off their phases
+    link: tuple[str, ...]  # length c
+
+    @property
+    def differences(self) -> FloatArray:
+        """Arcs against the oldest of their carrier, (d, c)."""
+        rows = []
+        for group in np.unique(self.group):
+            members = np.flatnonzero(self.group == group)
+            oldest = members[self.arc[members].argmin()]
+            for other in members[members != oldest]:
+                row = np.zeros(len(self.arc))
+                row[other], row[oldest] = 1.0, -1.0
+                rows.append(row)
+        return np.array(rows).reshape(-1, len(self.arc))
+
+
+class Constraint(NamedTuple):
+    """Integer combinations of ambiguities: ``cycles @ n`` is ``right``, but for a millimetre."""
+
+    block: int  # in which they were fixed
+    arc: IntArray  # (c,)
+    cycles: FloatArray  # (k, c), cycles per metre
+    right: FloatArray  # (k,)
+    combination: IntArray  # (k, c), of arcs in cycles
+    success: float
+
+    @property
+    def used(self) -> BoolArray:
+        """Arcs that take part, (c,)."""
+        return np.asarray(self.combination.any(axis=0))
+
+    @property
+    def whitened(self) -> tuple[FloatArray, FloatArray]:
+        """Rows, (k, c), and right-hand sides of unit variance, each arc having its own error."""
+        root = np.linalg.cholesky(_SIGMA_M**2 * self.cycles @ self.cycles.T)
+        return np.linalg.solve(root, self.cycles), np.linalg.solve(root, self.right)
+
+
+class Ambiguities(NamedTuple):
+    """What is known of a block's A, in information form."""
+
+    information: FloatArray = np.empty((0, 0))
+    vector: FloatArray = np.empty(0)
+
+    def led(self, block: ArcBlock) -> "Ambiguities":
+        """Return what is known of the next block's A."""
+        B, A, right = block.before, block.after, block.right
+        after, also = A.T @ A, A.T @ right
+        if B.shape[1]:
+            cross = -B.T @ A
+            gain = np.linalg.solve(
+                self.information + B.T @ B, np.c_[cross, self.vector - B.T @ right]
+            )
+            after, also = after - cross.T @ gain[:, :-1], also - cross.T @ gain[:, -1]
+        return Ambiguities((after + after.T) / 2, also)
+
+    def measured(self, H: FloatArray, z: FloatArray) -> "Ambiguities":
+        """Return the same by rows ``H A = z`` of unit variance more."""
+        return Ambiguities(self.information + H.T @ H, self.vector + H.T @ z)
+
+    def constrained(self, one: Constraint) -> "Ambiguities":
+        """Return the same with a constraint on this block's arcs."""
+        rows, right = one.whitened
+        H = np.zeros((len(right), len(self.vector)))
+        H[:, : len(one.arc)] = rows
+        return self.measured(H, right)
+
+    def solved(self) -> tuple[FloatArray, FloatArray]:
+        """Return A and its covariance."""
+        P = np.linalg.inv(self.information)
+        return P @ self.vector, P
+
+    def combined(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return combinations of ambiguities, rows (k, c), and their covariance.
+
+        By the triangular root, scaled: what all have in common is 1e10 times as uncertain.
+        """
+        scale = 1 / np.sqrt(np.diag(self.information))
+        root = np.linalg.cholesky(scale[:, None] * self.information * scale)
+        right = np.zeros((len(scale), len(rows) + 1))
+        right[: rows.shape[1], :-1] = (rows * scale[: rows.shape[1]]).T
+        right[:, -1] = self.vector * scale
+        whitened = solve_triangular(root, right, lower=True)
+        return whitened[:, :-1].T @ whitened[:, -1], whitened[:, :-1].T @ whitened[:, :-1]

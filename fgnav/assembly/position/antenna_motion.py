@@ -1,0 +1,153 @@
+"""How antennas moved, at keyframes: phase, code and Doppler, or the receiver's own fixes."""
+
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+
+import numpy as np
+
+from fgnav.alignment.alignment import Alignment
+from fgnav.alignment.matching import nearest, unused
+from fgnav.assembly.position.by_observations import AntennaRecord, ByObservations
+from fgnav.assembly.position.numbered_arcs import Observed
+from fgnav.assembly.position.series import VectorSeries
+from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.gnss.single_point.partial_velocity import PartialVelocity
+from fgnav.types.flight import Flight, Imu
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class AntennaMotion:
+    """Positions and velocities of antennas at keyframes."""
+
+    # Of antennas by name. By fixes; of raw observations by code, where a search starts.
+    positions: tuple[tuple[str, VectorSeries], ...]
+    # Of antennas by name, of raw observations no two at one keyframe.
+    velocities: tuple[tuple[str, VectorSeries], ...]
+    phases: tuple[Observed, ...] = ()  # empty of fixes
+    losses: tuple[Loss, ...] = ()
+
+    @property
+    def position(self) -> VectorSeries | None:
+        """Of the first antenna, where a search starts."""
+        return self.positions[0][1] if self.positions else None
+
+
+def antenna_motion(
+    flight: Flight, imu: Imu, start: Alignment, by: ByObservations | None
+) -> AntennaMotion:
+    """Return motion by phase, code and Doppler, or else by the receiver's fixes, at keyframes.
+
+    Where the first antenna tracks fewer than four satellites another one that does takes its place.
+
+    Parameters
+    ----------
+    flight : Flight
+    imu : Imu
+    start : Alignment
+        Attitudes at keyframes.
+    by : ByObservations or None
+        None of a flight without observations.
+
+    Raises
+    ------
+    NoSolutionError
+        If no antenna has a single code solution.
+    """
+    if by is None:
+        return _of_fixes(flight, imu, start.t_s)
+    first, *others = (_of_record(one, imu, start) for one in by.antennas)
+    motion = reduce(partial(_completed_by, start=start), others, first)
+    count = sum(len(one.t_s) for one in flight.fixes)
+    instead = (Loss(what="fix", reason="raw observations are used instead", count=count),)
+    return replace(motion, losses=motion.losses + (instead if count else ()))
+
+
+def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:
+    antenna, code, directions, of = record
+    arm_b_m = antenna.position_b_m - imu.position_b_m
+    row, matched = nearest(code.t_s, start.t_s)
+    at, same = nearest(of.t_s, start.t_s)
+    phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m, antenna.name)
+    velocities: tuple[tuple[str, VectorSeries], ...] = ()
+    if (
+        directions is not None
+        and code.v_n_mps is not None
+        and code.velocity_covariance_m2ps2 is not None
+    ):
+        velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)
+        velocities = ((antenna.name, _with_partial(velocity, directions, start.t_s)),)
+    position = _timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m)
+    return AntennaMotion(
+        positions=((antenna.name, position),),
+        velocities=velocities,
+        phases=(phases,),
+        losses=(*code.losses, *of.losses, *unused("code solution", len(code.t_s), matched)),
+    )
+
+
+def _with_partial(velocity: VectorSeries, part: PartialVelocity, t_s: FloatArray) -> VectorSeries:
+    """Take in directions of velocity at keyframes with too few satellites for a position."""
+    if not len(part.t_s):
+        return velocity
+    at, same = nearest(part.t_s, t_s)
+    same &= ~velocity.valid
+    value, root = velocity.value.copy(), np.zeros((len(t_s), 3, 3))
+    value[same], root[same] = part.v_n_mps[at[same]], part.root[at[same]]
+    return replace(velocity, value=value, partial=root)
+
+
+def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
+    """Return motion by the receivers' fixes at keyframes."""
+    positions, velocities = [], []
+    losses: list[Loss] = []
+    for fixes in flight.fixes:
+        arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
+        row, matched = nearest(fixes.t_s, t_s)
+        noise = _diagonal(fixes.position_sigma_m)
+        positions.append((fixes.antenna, _timed(fixes.p_n_m, noise, row, matched, arm_b_m)))
+        if fixes.v_n_mps is not None and fixes.velocity_sigma_mps is not None:
+            noise = _diagonal(fixes.velocity_sigma_mps)
+            velocities.append((fixes.antenna, _timed(fixes.v_n_mps, noise, row, matched, arm_b_m)))
+        losses += unused("fix", len(fixes.t_s), matched)
+    return AntennaMotion(
+        positions=tuple(positions), velocities=tuple(velocities), losses=tuple(losses)
+    )
+
+
+def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) -> AntennaMotion:
+    """Take what is missing from another antenna's motion."""
+    positions, position, theirs = first.positions, first.position, other.position
+    if position is not None and theirs is not None:
+        lever_n_m = start.R_nb @ (position.arm_b_m - theirs.arm_b_m)
+        missing = ~position.valid[:, None]
+        value = np.where(missing, theirs.value + lever_n_m, position.value)
+        positions = ((first.positions[0][0], replace(position, value=value)),)
+    has_velocity = np.any(
+        [series.valid for _, series in first.velocities] or [np.zeros(len(start.t_s), bool)], axis=0
+    )
+    velocities = [
+        (name, replace(series, value=np.where(has_velocity[:, None], np.nan, series.value)))
+        for name, series in other.velocities
+    ]
+    return replace(
+        first,
+        positions=positions,
+        velocities=(*first.velocities, *velocities),
+        phases=(*first.phases, *other.phases),
+        losses=(*first.losses, *other.losses),
+    )
+
+
+def _timed(
+    value: FloatArray,
+    covariance: FloatArray,
+    row: IntArray,
+    matched: BoolArray,
+    arm_b_m: FloatArray,
+) -> VectorSeries:
+    value = np.where(matched[:, None], value[row], np.nan)
+    return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m)
+
+
+def _diagonal(sigma: FloatArray) -> FloatArray:
+    return np.asarray(sigma[:, :, None] ** 2 * np.eye(3))

@@ -1,0 +1,129 @@
+"""What a flight's raw observations tell by themselves, once for all problems of the same ones.
+
+A flight whose unit is louder, later or turned, or of which more is estimated, is another problem of
+the same integers and code: these take most of the time that an array's problem takes.
+"""
+
+from dataclasses import dataclass, fields, is_dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fgnav.alignment.array.pivot import pivot_views
+from fgnav.alignment.array.shape import FixedPhases, fixed_phases
+from fgnav.alignment.array_attitudes import ArrayPhases, array_phases
+from fgnav.assembly.settings import ProblemSettings
+from fgnav.checks import NoSolutionError
+from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
+from fgnav.gnss.single_point.solution import CodeSolution, code_solution
+from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.types.flight import Flight
+from fgnav.types.instruments import Antenna
+from fgnav.types.integers import Resolver
+
+# What observations know nothing of, and the noise, which is compared by its values.
+_INSTRUMENTS = ("imu", "fixes", "baselines", "photodetector", "barometer", "magnetometer")
+_OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
+_OWN = tuple(one.name for one in fields(Flight) if one.name not in _OTHERS)
+_KEPT = 2  # an array as it is stated, and as its phases place its antennas
+
+
+class AntennaRecord(NamedTuple):
+    """What one antenna observed, without its attitude."""
+
+    antenna: Antenna
+    code: CodeSolution
+    partial: PartialVelocity | None  # None without Doppler
+    observed: Undifferenced
+
+
+@dataclass(frozen=True, eq=False)
+class ByObservations:
+    """Phases of a flight's array and records of its antennas."""
+
+    flight: Flight  # with observations
+    resolver: Resolver  # is not asked again where the unit or another sensor alone is changed
+    false_alarm: float
+    causal: bool
+
+    @cached_property
+    def array(self) -> tuple[ArrayPhases | None, ...]:
+        """Phases of the array, see ``array_phases``."""
+        return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
+
+    @cached_property
+    def fixed(self) -> FixedPhases:
+        """Phases with integers, by the flight's own reference."""
+        return fixed_phases(self.flight, self.resolver)
+
+    @cached_property
+    def antennas(self) -> tuple[AntennaRecord, ...]:
+        """Records of the reference antenna, then of those that stand in for it.
+
+        Raises
+        ------
+        NoSolutionError
+            If none has a single code solution.
+        """
+        records, failure = [], None
+        for view in pivot_views(self.flight, causal=self.causal):
+            try:
+                records.append(_record(view.flight, causal=self.causal))
+            except NoSolutionError as error:
+                failure = failure or error
+        if not records:
+            raise failure or NoSolutionError("position: no antenna has observations")
+        return tuple(records)
+
+    def serves_for(self, other: "ByObservations") -> bool:
+        """Return whether another flight's observations, and what is made of them, are the same."""
+        ours, theirs = (
+            (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
+            for one in (self, other)
+        )
+        return ours == theirs and all(
+            _is_same(getattr(self.flight, name), getattr(other.flight, name)) for name in _OWN
+        )
+
+
+class LastObservations:
+    """What observations told last: problems of the same ones, built one by one, share it."""
+
+    def __init__(self) -> None:
+        self._last: tuple[ByObservations, ...] = ()
+
+    def of(self, flight: Flight, settings: ProblemSettings) -> ByObservations | None:
+        """Return what a flight's observations tell; None without any."""
+        if flight.observations is None:
+            return None
+        new = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
+        by = next((one for one in self._last if one.serves_for(new)), new)
+        self._last = (by, *(one for one in self._last if one is not by))[:_KEPT]
+        return by
+
+
+def _is_same(one: Any, other: Any) -> bool:  # noqa: ANN401  # parts of a flight
+    """Return whether two parts of flights have the same values."""
+    if one is other:
+        return True
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, np.ndarray):
+        is_number = one.dtype.kind == "f"
+        return bool(np.array_equal(one, other, equal_nan=is_number))
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(_is_same, one, other))
+    if is_dataclass(one):
+        names = (part.name for part in fields(one))
+        return all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
+    return bool(one == other)
+
+
+def _record(flight: Flight, *, causal: bool) -> AntennaRecord:
+    code = code_solution(flight, causal=causal)
+    observed = undifferenced(flight, base=flight.base is not None)
+    partial = None
+    if code.v_n_mps is not None and code.velocity_covariance_m2ps2 is not None:
+        partial = partial_velocities(flight, code.t_s, causal=causal)
+    return AntennaRecord(flight.antennas[0], code, partial, observed)

@@ -1,0 +1,106 @@
+"""Sensors of antennas at keyframes: an array's phases, positions, velocities, baselines."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from fgnav.alignment.array.multipath import symmetric_root
+from fgnav.alignment.array.shape import BaselineForm
+from fgnav.assembly.position.series import VectorSeries
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.graph.factors.array_phase import ArrayPhase
+from fgnav.graph.factors.array_shape import ArrayShape
+from fgnav.graph.factors.position import Position
+from fgnav.graph.factors.velocity import Velocity
+from fgnav.graph.inertial.multipath import Multipath
+from fgnav.graph.types.sensor import Sensor
+
+
+def array_sensors(
+    form: RotationQuadratic,
+    shape: BaselineForm | None,
+    antennas: tuple[str, ...],
+    valid: BoolArray,
+    stretch: IntArray,
+    multipath: tuple[Multipath | None, bool],
+) -> Iterator[Sensor]:
+    """Yield the phases of an array at keyframes, (n,).
+
+    Parameters
+    ----------
+    form : RotationQuadratic
+    shape : BaselineForm or None
+        Where antennas are estimated: in place of ``form`` where it is valid.
+    antennas : tuple of str
+        Names, the reference first.
+    valid : ndarray of bool, shape (n,)
+        Keyframes whose phases take part.
+    stretch : ndarray of int, shape (n,)
+        Stretch of epochs without integers that a keyframe is in, or -1.
+    multipath : tuple of Multipath or None, and bool
+        What of their errors is correlated in time, and whether it is a state; else it is as loud
+        as white noise of the same density at low frequencies.
+    """
+    if shape is not None:
+        row = np.flatnonzero(shape.valid)
+        yield ArrayShape(
+            row=row,
+            root=shape.root[row],
+            minimum_n_m=shape.minimum[row],
+            baselines_b_m=shape.baselines_b_m,
+            antennas=antennas[1:],
+        )
+        valid = valid & ~shape.valid
+    row = np.flatnonzero(valid & (form.count > 0))
+    form, (correlated, is_state) = form[row], multipath
+    if correlated is not None and not is_state:
+        form, correlated = form.with_variance_factor(correlated.inflation()[row]), None
+    root, minimum = form.square_root()
+    phases = ArrayPhase(row=row, root=root, minimum=minimum, stretch=stretch[row])
+    if correlated is not None:
+        root = symmetric_root(form.information)[0]
+        phases = replace(phases, root=root, share=correlated.share[row], basis=correlated.basis)
+    yield phases
+
+
+def positions(of_antennas: Iterable[VectorSeries]) -> Iterator[Position]:
+    """Yield the positions of antennas."""
+    for series in of_antennas:
+        row = np.flatnonzero(series.valid)
+        yield Position(
+            row=row,
+            value_n_m=series.value[row],
+            white=series.white(row),
+            arm_b_m=series.arm_b_m,
+        )
+
+
+def velocities(
+    of_antennas: Iterable[VectorSeries],
+    measured_b_radps: FloatArray | None,
+    earth_rate_n_radps: FloatArray,
+    usable: BoolArray | None = None,
+) -> Iterator[Velocity]:
+    """Yield the velocities of antennas.
+
+    Parameters
+    ----------
+    of_antennas : iterable of VectorSeries
+    measured_b_radps : ndarray, shape (n, 3), or None
+        The gyroscope's rates at keyframes.
+    earth_rate_n_radps : ndarray, shape (3,)
+    usable : ndarray of bool, shape (n,), optional
+        Keyframes whose velocities may be late; all by default.
+    """
+    for series in of_antennas:
+        row = np.flatnonzero(series.valid if usable is None else series.valid & usable)
+        yield Velocity(
+            row=row,
+            value_n_mps=series.value[row],
+            white=series.white(row),
+            arm_b_m=series.arm_b_m,
+            measured_b_radps=None if measured_b_radps is None else measured_b_radps[row],
+            earth_rate_n_radps=earth_rate_n_radps,
+        )

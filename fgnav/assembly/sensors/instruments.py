@@ -1,0 +1,92 @@
+"""Sensors beside the antennas at keyframes, and the constants that they bring with them."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from fgnav.assembly.sensors.aerodynamics import airflow
+from fgnav.assembly.sensors.directional import gravity, sight
+from fgnav.assembly.sensors.resting_rates import resting_rates
+from fgnav.assembly.sensors.standstill import Standing
+from fgnav.assembly.sensors.surroundings import heights, magnetic_field
+from fgnav.assembly.sensors.wheels import wheels
+from fgnav.assembly.stages import Aligned, Tracked
+from fgnav.checks import FloatArray, Loss
+from fgnav.graph.factors.directions import Directions
+from fgnav.graph.factors.gravity import Gravity
+from fgnav.graph.factors.line_of_sight import LineOfSight
+from fgnav.graph.factors.vehicle.standstill import Standstill
+from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.sensor import Sensor
+from fgnav.types.flight import Flight
+
+
+class Instrument(NamedTuple):
+    """What one instrument measured at keyframes, if anything."""
+
+    sensor: Sensor | None = None
+    constants: tuple[FlightConstant, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+
+class Instruments(NamedTuple):
+    """What all of them measured."""
+
+    sensors: tuple[Sensor, ...]
+    constants: tuple[FlightConstant, ...]
+    losses: tuple[Loss, ...]
+
+
+def instruments(
+    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
+) -> Instruments:
+    """Return what the instruments of a flight measure at keyframes, (n,).
+
+    Parameters
+    ----------
+    flight : Flight
+    stage : Aligned
+    track : Tracked
+    v_n_mps : ndarray, shape (n, 3)
+        Approximate velocities.
+    stands : Standing
+        When the body stands still.
+    """
+    found = tuple(_each(flight, stage, track, v_n_mps, stands))
+    return Instruments(
+        tuple(one.sensor for one in found if one.sensor is not None and len(one.sensor.row)),
+        tuple(constant for one in found for constant in one.constants),
+        tuple(loss for one in found for loss in one.losses),
+    )
+
+
+def _each(
+    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
+) -> Iterator[Instrument]:
+    imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
+    rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
+    down, losses = gravity(stage.down, t_s, causal=causal)
+    sensor = None if down is None else gravity_sensor(down, track.gravity_n_mps2)
+    yield Instrument(sensor, (), losses)
+    seen, losses = sight(flight.photodetector, imu, t_s, track.places_n_m, causal=causal)
+    yield Instrument(None if seen is None else line_of_sight(seen), (), losses)
+    yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
+    yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
+    yield Instrument(*wheels(flight.vehicle, imu, t_s, rates, earth))
+    yield Instrument(*airflow(flight.vehicle, t_s, v_n_mps))
+    if flight.standstill:
+        yield Instrument(Standstill(row=stands.row, sigma_mps=stands.sigma_mps))
+    yield Instrument(resting_rates(flight.vehicle, imu, t_s, stands, earth, causal=causal))
+
+
+def gravity_sensor(down: Directions, gravity_n_mps2: FloatArray) -> Gravity:
+    """Return directions of gravity, whose vectors in ``n`` at keyframes, (n, 3), are known."""
+    down_n = gravity_n_mps2[down.row]
+    known_n = down_n / np.linalg.norm(down_n, axis=1, keepdims=True)
+    return Gravity(row=down.row, known_n=known_n, across_b=down.across_b[down.row])
+
+
+def line_of_sight(seen: Directions) -> LineOfSight:
+    """Return directions to a landmark."""
+    return LineOfSight(row=seen.row, across_b=seen.across_b[seen.row])

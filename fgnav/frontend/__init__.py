@@ -1,1 +1,0 @@
-"""From a flight to a smoothing problem: keyframes, alignment, fault detection, measurements."""

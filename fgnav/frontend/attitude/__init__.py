@@ -1,1 +1,0 @@
-"""Attitudes at keyframes before any smoothing: of the array or other vectors, and between them."""

@@ -1,1 +1,0 @@
-"""The front end of a filter: every quantity from epochs up to its own alone."""
