@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
-from fgnav.gnss.cycle_slips.verdicts import NOT_TESTED, SLIP
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.types.observations import LOST_LOCK
 
+NOT_TESTED, FINE, SLIP = range(3)  # what the slip test says of a step
 LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is continuous
 
 

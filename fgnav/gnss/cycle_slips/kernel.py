@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.gnss.cycle_slips.verdicts import FINE, NOT_TESTED, SLIP
+from fgnav.gnss.cycle_slips.detection import FINE, NOT_TESTED, SLIP
 from fgnav.kernels.compiled import inlined, inner, kernel
 
 SIGNIFICANT = 4.5  # sigmas a step must reach …

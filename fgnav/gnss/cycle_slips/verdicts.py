@@ -1,3 +1,0 @@
-"""What the slip test says of a step of phase on one baseline and channel."""
-
-NOT_TESTED, FINE, SLIP = range(3)
