@@ -11,10 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fgnav.attitude.array import maximum_likelihood
+from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.diagnostics.contents import Finding
 from fgnav.gnss.difference import double_differences
 from fgnav.integers.array.search import search_constrained
+from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
@@ -116,7 +119,9 @@ def fits_shape(differences: DoubleDifferences) -> BoolArray:
 def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding | None:
     """Return antennas that are exchanged or not at their places; None if epochs fit."""
     part = differences[_spread(np.flatnonzero(differences.resolvable.any(axis=(1, 2))), _EPOCHS)]
-    fits, antennas, seen = fits_shape(part), flight.antennas, flight.observations
+    fits, antennas, seen = _fits_by_lambda(flight, part), flight.antennas, flight.observations
+    if not fits.all():
+        fits[~fits] = fits_shape(part[~fits])
     exchange = None if fits.all() else exchanged_antennas(part, fits)
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
@@ -133,6 +138,14 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
     name = antennas[antenna].name
     text = f"{name} is not at its place: {evidence}, without it {100 * best:.0f} %"
     return Finding("antenna misplaced", text, "check its position_b_m")
+
+
+def _fits_by_lambda(flight: Flight, differences: DoubleDifferences) -> BoolArray:
+    """Return which epochs, (n,), fit the array's shape by integers that know only what it spans."""
+    integers = Lambda()(differences, flight)
+    attitude = maximum_likelihood(RotationQuadratic.of_double_differences(differences, integers))
+    freedom = attitude.degrees_of_freedom
+    return attitude.solved & (freedom > 0) & (attitude.chi_square <= _FITS * freedom)
 
 
 def _exchanges(differences: DoubleDifferences) -> _Shapes:
