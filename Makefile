@@ -32,13 +32,10 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 	$(PIP) --editable '.[dev]'
 	@touch $(RUN) $@
 
-# As `fgnav demo`, with pictures: the flight of the source paper by three methods, then what each kind of factor is worth.
+# The flight of the source paper by three methods, then what each kind of factor is worth.
 demo: $(RUN)
 	rm -rf demo
-	mkdir -p demo
-	$(BIN)/fgnav simulate paper --seed 1 --out demo/flight
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --factors gravity --method closed-form,rtk,smoother \
-	  --out demo --json demo/compare.json --report demo/report.png
+	$(BIN)/fgnav demo demo
 	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --factors gravity --method smoother \
 	  --without baselines,gravity,line-of-sight,vehicle --json demo/worth.json
 

@@ -5,6 +5,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Mapping
+from difflib import get_close_matches
 from importlib import import_module
 from importlib.metadata import entry_points
 from inspect import getdoc
@@ -46,8 +47,11 @@ def named(group: str, own: Mapping[str, str], name: str, *, kind: str) -> Any:  
             return entry.load()
     if ":" in name:
         return _from_module(name, kind)
-    listed = ", ".join(names(group, own)) or "none is installed"
-    raise BadInputError(f"{kind} {name!r}: not one of {listed}; module:attribute names any other")
+    known = names(group, own)
+    meant = get_close_matches(name, known, n=1)
+    hint = f"did you mean {meant[0]}?" if meant else "module:attribute names any other"
+    listed = ", ".join(known) or "none is installed"
+    raise BadInputError(f"{kind} {name!r}: not one of {listed}; {hint}")
 
 
 def descriptions(group: str, own: Mapping[str, str]) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """What commands show on a terminal; with ``cli`` the only one that prints."""
 
+import logging
 import os
 import shutil
 import sys
@@ -7,15 +8,21 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 from fgnav.progress import watched_by, watcher
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
 
+_LOG = logging.getLogger("fgnav")
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
+# Of `fgnav demo` where nothing is compiled yet, on a core that others share.
+_KERNELS, _COMPILING_S = 24, 25
 
 
 class Steps:
@@ -27,12 +34,13 @@ class Steps:
     @contextmanager
     def __call__(self, what: str) -> Iterator[None]:
         """Show one step while it lasts; work inside it may ``report`` its share."""
-        self._what = what
+        self._what, began_s = what, perf_counter()
         self.share(0.0)
         with watched_by(self.share):
             yield
         self.share(1.0)
         self._done += 1
+        _LOG.info("%s: %.1f s", what, perf_counter() - began_s)
 
     def share(self, share: float) -> None:
         """Show which share of the step at work is done."""
@@ -49,6 +57,24 @@ def progress(steps: int) -> "Iterator[Steps]":
     if outer is not None:
         yield Steps(steps, lambda _, share: outer(share))
         return
+    with _bars() as shown:
+        task = shown.add_task("", total=1.0)
+        yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
+
+
+@contextmanager
+def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
+    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
+    with _bars() as shown:
+        task = shown.add_task(name, total=None)
+        yield lambda done, asked: shown.update(
+            task, description=f"{name}: {done} of {asked}", completed=done, total=asked
+        )
+
+
+@contextmanager
+def _bars() -> "Iterator[Progress]":
+    """Show bars on a terminal while this lasts, and one that counts kernels while they compile."""
     from rich.console import Console  # noqa: PLC0415  # lazy: keeps the command line quick
     from rich.progress import (  # noqa: PLC0415
         BarColumn,
@@ -59,6 +85,8 @@ def progress(steps: int) -> "Iterator[Steps]":
         TimeRemainingColumn,
     )
 
+    from fgnav.kernels.announcement import announced_to  # noqa: PLC0415
+
     console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
@@ -68,30 +96,17 @@ def progress(steps: int) -> "Iterator[Steps]":
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    hidden = not console.is_terminal
+    hidden = not console.is_terminal or not _LOG.isEnabledFor(logging.WARNING)
     with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
-        task = shown.add_task("", total=1.0)
-        yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
+        kernels = shown.add_task("", total=_KERNELS, visible=False)
 
+        def compiling(name: str) -> None:
+            shown.advance(kernels)
+            text = f"Compiling once, about {_COMPILING_S} s: {name}"
+            shown.update(kernels, description=text, visible=True)
 
-@contextmanager
-def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
-    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
-    from rich.console import Console  # noqa: PLC0415  # lazy, as above
-    from rich.progress import (  # noqa: PLC0415
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
-
-    console = Console(stderr=True)
-    columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    hidden = not console.is_terminal
-    with Progress(*columns, console=console, disable=hidden, transient=True) as shown:
-        task = shown.add_task(name, total=None)
-        yield lambda done, asked: shown.update(task, completed=done, total=asked)
+        with announced_to(compiling):
+            yield shown
 
 
 def width() -> int:
@@ -138,7 +153,13 @@ def show_names(texts: Mapping[str, str]) -> None:
         )
 
 
-def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None = None) -> None:
+def check_outputs(
+    flight: Path,
+    json: str | None = None,
+    *,
+    report: Path | None = None,
+    folder: Path | None = None,
+) -> None:
     """Raise where results could not be written, or would replace what the flight is made of.
 
     Better before minutes of work.
@@ -146,9 +167,11 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
     Parameters
     ----------
     flight : Path
-    *files : Path, str or None
-        Files to be written; a dash is standard output.
-    folder : Path or None
+    json : str, optional
+        File of figures; a dash is standard output.
+    report : Path, optional
+        File of a report.
+    folder : Path, optional
         That of an estimate.
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
@@ -156,9 +179,10 @@ def check_outputs(flight: Path, *files: Path | str | None, folder: Path | None =
     from fgnav.io.exports.tables import ESTIMATE, SUMMARY  # noqa: PLC0415
     from fgnav.io.flight.folder import files_of  # noqa: PLC0415
 
-    places = [Path(file) for file in files if file is not None and file != "-"]
-    for place in places:
-        check_place(place)
+    places = [] if report is None else [report]
+    if json is not None and json != "-":
+        check_place(Path(json))
+        places.append(Path(json))
     if folder is not None:
         check_folder(folder)
         places += [folder / ESTIMATE, folder / SUMMARY]

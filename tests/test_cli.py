@@ -4,7 +4,7 @@ import re
 import shutil
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import unescape
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -13,11 +13,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav import cli
+from fgnav import cli, diagnostics
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.cli import program
+from fgnav.diagnostics.contents import Finding
 from fgnav.io.exports.recorded import load_estimate
-from fgnav.io.flight.folder import save_flight
+from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.types.estimate import Estimate, Verdict
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
@@ -51,7 +52,7 @@ class Level:
         return Estimate(
             method=self.name,
             t_s=t_s,
-            epochs=len(t_s),
+            n_epochs=len(t_s),
             R_nb=np.tile(np.eye(3), (len(t_s), 1, 1)),
             converged=self.converged,
             verdicts=self.verdicts,
@@ -141,7 +142,7 @@ def test_compare_prints_writes_json_and_draws(folder, tmp_path, capsys):
     assert report.read_bytes().startswith(b"\x89PNG")
     assert "more, by parts: report-errors.png" in streams.out
     parts = {path.stem.split("-")[1] for path in tmp_path.glob("report-*.png")}
-    assert {"errors", "motion", "sky", "residuals", "integers", "consistency", "versions"} <= parts
+    assert {"errors", "motion", "sky", "integers", "consistency", "versions"} <= parts
 
 
 def test_compare_with_json_on_standard_output_prints_nothing_else(folder, methods, capsys):
@@ -290,7 +291,7 @@ def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys)
     names = [one["name"] for one in told["constants"]]
     assert names == ["lever-arm", "antenna a4"]
     assert all(0 < sigma < 0.02 for sigma in told["constants"][1]["sigma"].values())
-    assert "Antenna a4, off what the flight states: x_b" in capsys.readouterr().out
+    assert "Antenna a4, difference from the nominal: x_b" in capsys.readouterr().out
 
 
 def test_a_lag_is_the_window_s(folder, tmp_path):
@@ -317,8 +318,8 @@ def test_a_report_is_a_page_of_the_flight(folder, methods, tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     methods(Level())
     name, *options = command
-    assert cli.main([name, str(folder), *options, "--report", "report.html"]) == 0
-    text = (tmp_path / "report.html").read_text()
+    assert cli.main([name, str(folder), *options, "--report", "new/report.html"]) == 0
+    text = (tmp_path / "new" / "report.html").read_text()
     assert 'format = "fgnav-flight/1"' in unescape(text)
     assert ">level</th>" in text
 
@@ -341,6 +342,8 @@ def test_run_takes_one_method(folder, tmp_path, capsys):
     [
         (["check", "nowhere"], "nowhere"),
         (["compare", "nowhere", "--method", "magic"], "method 'magic': not one of closed-form"),
+        (["compare", "nowhere", "--method", "smother"], "did you mean smoother?"),
+        (["compare", "nowhere", "--metod", "rtk"], "Did you mean --method?"),
         (["compare", "nowhere", "--integers", "magic"], "magic"),
         (["compare", "nowhere", "--method", ","], "--method: names no method"),
         (["compare", "nowhere", "--estimate", "landmrk"], "'landmrk' is none of landmark"),
@@ -368,6 +371,69 @@ def test_bad_input_is_one_line_and_exit_status_two(command, text, capsys, tmp_pa
     assert len(streams.err.splitlines()) == 1
     assert text in streams.err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_remarks_are_as_many_as_asked_for(folder, methods, tmp_path, capsys):
+    methods(Level())
+    command = ["compare", str(folder), "--until", "0.5", "--log", str(tmp_path / "log")]
+    said = {}
+    for option in ("--quiet", "", "--verbose"):
+        assert cli.main([*command, *filter(None, [option])]) == 0
+        said[option] = capsys.readouterr().err
+    assert said["--quiet"] == ""
+    assert f"reading {folder}: " in said["--verbose"]
+    assert "reading" not in said[""]
+    log = (tmp_path / "log").read_text()
+    assert log.count("INFO fgnav compare") == 2  # quiet is the log, too
+    assert cli.main(["check", "nowhere", "--log", str(tmp_path / "log"), "--quiet"]) == 2
+    assert "ERROR fgnav: " in (tmp_path / "log").read_text()
+    assert cli.main(["check", "nowhere", "--log"]) == 2
+    assert capsys.readouterr().err.endswith("fgnav: --log: expected one argument\n")
+
+
+def test_an_estimate_is_replaced_whole_or_not_at_all(
+    folder, methods, tmp_path, capsys, monkeypatch
+):
+    from fgnav.io.exports import tables
+
+    methods(Level())
+    command = ["run", str(folder), "--out", str(tmp_path / "out")]
+    assert cli.main(command) == 0
+    before = {path: path.stat().st_ino for path in (tmp_path / "out").iterdir()}
+    assert "earlier" not in capsys.readouterr().out
+
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(tables, "write_outcome", full)
+        assert cli.main(command) == 2
+    assert {path: path.stat().st_ino for path in (tmp_path / "out").iterdir()} == before
+    capsys.readouterr()
+    assert cli.main(command) == 0
+    assert "estimate.csv, for an earlier one" in capsys.readouterr().out
+
+
+def test_findings_are_an_error_of_check_with_strict_alone(folder, monkeypatch, capsys):
+    assert cli.main(["check", str(folder), "--strict"]) == 0
+    found = replace(diagnostics.describe(load_flight(folder)), findings=(Finding("imu", "late"),))
+    monkeypatch.setattr(diagnostics, "describe", lambda _flight: found)
+    assert cli.main(["check", str(folder)]) == 0
+    assert cli.main(["check", str(folder), "--strict"]) == 1
+    assert capsys.readouterr().err == "fgnav: --strict: the set-up has mistakes: imu\n"
+
+
+def test_a_program_without_a_home_directory_finds_its_way(tmp_path):
+    code = (
+        "import os, pwd; os.environ.pop('HOME', None)\n"
+        "def nobody(uid): raise KeyError(uid)\n"
+        "pwd.getpwuid = nobody\n"
+        "from fgnav.cli import main; main(['methods'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

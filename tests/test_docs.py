@@ -35,7 +35,10 @@ DOCUMENTS = [path for path in PAGES if BLOCK.search(path.read_text(encoding="utf
 GROUPS = {f"fgnav.{name}" for name in ("exporters", "factors", "importers", "resolvers")}
 
 FACE = [getattr(fgnav, name) for name in fgnav.__all__]
+RECORDS = {one for one in FACE if inspect.isclass(one) and one.__module__.startswith("fgnav.types")}
+RECORDS -= {fgnav.Flight, fgnav.Estimate}  # what holds arrays alone: fields of a Flight
 PUBLIC = [one for one in FACE if inspect.isclass(one) or inspect.isfunction(one)]
+PUBLIC = [one for one in PUBLIC if one not in RECORDS] + [fgnav.Flight.from_arrays]
 PUBLIC += [fgnav.Stream.replay, AttitudeSolution, RotationQuadratic, maximum_likelihood]
 PUBLIC += [integer_least_squares, method_named, residual_factor]
 

@@ -15,7 +15,6 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = [ROOT / "fgnav", ROOT / "sim" / "fgnav_sim", ROOT / "models" / "fgnav_models"]
 FILES = [file for package in PACKAGES for file in package.rglob("*.py")]
 FULL = 12  # files of a room, its __init__ aside
-SHORT = 5  # lines that may be compiled once more
 # Words of no textbook in names, and how many of these are still to be renamed.
 PRIVATE = {
     "told": 3,
@@ -124,46 +123,3 @@ def test_no_new_name_has_a_word_of_our_own():
     assert {word: counts[word] for word in PRIVATE if counts[word] > PRIVATE[word]} == {}
     tree = ast.parse("class BestLeft:\n    def told(own): one = two")
     assert sorted(identifiers(tree)) == ["best", "left", "one", "own", "told"]
-
-
-def compiled(tree):
-    """Yield a file's compiled functions, each with the names in its decorator."""
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.decorator_list:
-            how = names(node.decorator_list[0])
-            if how & {"inlined", "inner", "inner_with", "kernel", "kernel_with"}:
-                yield node, how
-
-
-def test_only_kernels_call_what_python_cannot():
-    """An inner function has no entry from Python: called from there it ends the process."""
-    seen = 0
-    for file in FILES:
-        tree = parsed(file)
-        kernels = list(compiled(tree))
-        inner = {node.name for node, how in kernels if how & {"inner", "inner_with"}}
-        assert all(name.startswith("_") for name in inner), f"{file}: inner functions are private"
-        lines = {line for node, _ in kernels for line in range(node.lineno, node.end_lineno + 1)}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Name) and node.id in inner:
-                seen += 1
-                assert node.lineno in lines, f"{file}:{node.lineno}: {node.id} is inner"
-    assert seen > 100
-
-
-def test_what_is_inlined_has_one_caller_or_is_short():
-    """Each further call would compile it anew."""
-    calls, inlined = Counter(), []
-    for file in FILES:
-        for node, how in compiled(parsed(file)):
-            if "inlined" in how:
-                inlined.append((file, node))
-            called = [one.func for one in ast.walk(node) if isinstance(one, ast.Call)]
-            for one in called:
-                if isinstance(one, ast.Name):
-                    calls[file if one.id.startswith("_") else None, one.id] += 1
-    assert len(inlined) > 50
-    for file, node in inlined:
-        count = calls[file if node.name.startswith("_") else None, node.name]
-        short = node.end_lineno - node.lineno < SHORT
-        assert count == 1 or (count and short), f"{file}: {node.name} is called {count} times"

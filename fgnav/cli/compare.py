@@ -74,7 +74,7 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     estimators = estimators_named(method, integers, smoother)
     estimators += ablated(method, integers, smoother, without) if without else []
     for folder in folders:
-        check_outputs(folder, json, report)
+        check_outputs(folder, json, report=report)
         for place in (out / one.name for one in estimators) if out is not None else ():
             check_outputs(folder, folder=place)
     check_report(report)

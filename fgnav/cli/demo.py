@@ -1,18 +1,25 @@
-"""The command ``fgnav demo``: the others, one after the other."""
+"""The commands ``fgnav demo`` and ``fgnav warm``: others, one after another."""
 
 import shlex
 import tempfile
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 
+from fgnav.terminal import progress
+
 METHODS = "closed-form,rtk,smoother"
+_WARMED = "closed-form,maximum-likelihood,smoother,forward,batch,rtk"
+# Scenarios whose sensors differ: an array alone, a detector, one antenna with a magnetometer and a
+# barometer. Each is simulated, checked and estimated by these methods; nothing of it is kept.
+_FLIGHTS = {"demo": _WARMED, "approach": "smoother,batch", "surroundings": "smoother,batch"}
 
 
 def demo(folder: Path | None = None, /) -> None:
-    """Simulate the flight of the source paper and compare methods on it, and factors.
+    """Simulate the flight of the source paper and compare closed form, RTK and smoother on it.
 
-    Closed form, RTK and smoother; then the smoother without each kind of factor. Prints each
-    command before it runs; they can be typed as they stand. Leaves flight/, compare.json,
-    worth.json, report.html, which any browser shows, and the estimates, each in a folder by its
+    Prints each command before it runs; they can be typed as they stand. Leaves flight/,
+    compare.json, report.html, which any browser shows, and the estimates, each in a folder by its
     method's name, in a folder.
 
     Example: fgnav demo my-first-flight
@@ -35,12 +42,38 @@ def demo(folder: Path | None = None, /) -> None:
     # finds: identifying noise and searching under the array's shape would only take longer.
     simple = ["--noise", "stated", "--integers", "lambda", "--factors", "gravity"]
     kinds = ["--without", "baselines,gravity,line-of-sight,vehicle"]
-    worth = ["--json", str(place / "worth.json")]
     for words in (
         ["simulate", "paper", "--seed", "1", "--out", flight],
         ["compare", flight, "--method", METHODS, *simple, "--out", str(place), *figures],
-        ["compare", flight, "--method", "smoother", *kinds, *simple, *worth],
     ):
         print(f"\n$ fgnav {shlex.join(words)}", flush=True)
         run(words)
-    print(f"\nAll of it is in {place}; report.html shows it")
+    next_words = shlex.join(["compare", flight, "--method", "smoother", *kinds, *simple])
+    print(f"\nAll of it is in {place}; report.html shows it.")
+    print(f"What each kind of factor is worth, half a minute more:\n$ fgnav {next_words}")
+
+
+def warm() -> None:
+    """Compile everything once, so that no later run waits for it.
+
+    After an install or an update the first run of each command compiles what it uses, a minute in
+    all. This does it at one go, such as when an image or a machine is set up.
+
+    Example: fgnav warm
+    """
+    from fgnav.cli.program import run  # noqa: PLC0415  # lazy: the program knows this command
+
+    with (
+        tempfile.TemporaryDirectory(prefix="fgnav-warm-") as folder,
+        progress(3 * len(_FLIGHTS)) as step,
+    ):
+        for name, methods in _FLIGHTS.items():
+            flight = str(Path(folder) / name)
+            for words in (
+                ["simulate", name, "--seed", "1", "--out", flight],
+                ["check", flight],
+                ["compare", flight, "--method", methods],
+            ):
+                with step(f"compiling for {words[0]} of {name}"), redirect_stdout(StringIO()):
+                    run(words)
+    print("compiled; later runs start at once")

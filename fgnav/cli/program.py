@@ -1,8 +1,10 @@
 """The program ``fgnav``: its commands by name, imported when they run; errors and exit status."""
 
+import logging
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from difflib import get_close_matches
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
@@ -30,16 +32,11 @@ or, step by step:
 
 Exit status: 0 done, 1 no solution, 2 bad input.
 """
-_OPTIONS = {
-    "--help, -h": "Show this, or a command's own help after its name.",
-    "--version": "Show the version.",
-    "--install-completion": "Let bash, zsh or fish complete commands and options.",
-}
 # The library's own, each a target and its line of help; shown without importing what they need.
 _COMMANDS = {
     "demo": (
         "fgnav.cli.demo:demo",
-        "Simulate a flight and compare four methods on it.",
+        "Simulate a flight and compare three methods on it.",
     ),
     "check": ("fgnav.cli.check:check", "Say what is in a flight and what is wrong with it."),
     "run": ("fgnav.cli.run:run", "Estimate a flight with one method; write its estimates."),
@@ -58,7 +55,7 @@ _COMMANDS = {
         "fgnav.cli.calibration:calibration",
         "Judge a network's covariance on flights with truth.",
     ),
-    "warm": ("fgnav.cli.warm:warm", "Compile everything once, so that no later run waits for it."),
+    "warm": ("fgnav.cli.demo:warm", "Compile everything once, so that no later run waits for it."),
 }
 # Shown without importing the packages that bring these commands.
 _INSTALLED_HELP = {
@@ -75,13 +72,20 @@ _INSTALLED_HELP = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit status: 0 done, 1 no solution, 2 bad input."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if not words or words[0] in ("-h", "--help"):
+        return _status(_show_help)
+    if words[0] == "--version":
+        return _status(lambda: print(__version__))
+    from fgnav.cli.log import logged  # noqa: PLC0415  # lazy: --help does without
+
+    with ExitStack() as log:
+        return _status(lambda: run(log.enter_context(logged(words))))
+
+
+def _status(work: Callable[[], None]) -> int:
+    """Do a piece of work; say in one line what is wrong, and return the exit status."""
     try:
-        if not words or words[0] in ("-h", "--help"):
-            _show_help()
-        elif words[0] == "--version":
-            print(__version__)
-        else:
-            run(words)
+        work()
         sys.stdout.flush()
     except _deliberate() as error:
         from fgnav.checks import NoSolutionError  # noqa: PLC0415
@@ -170,7 +174,14 @@ def _show_help() -> None:
     print(f"Usage: fgnav COMMAND [OPTIONS]\n\n{text}\n\nCommands:")
     show_names({f"  {name}": text for name, (_, text) in commands().items()})
     print("\nOptions:")
-    show_names({f"  {name}": text for name, text in _OPTIONS.items()})
+    from fgnav.cli.log import OPTIONS  # noqa: PLC0415
+
+    options = {
+        "--help, -h": "Show this, or a command's own help after its name.",
+        "--version": "Show the version.",
+        "--install-completion": "Let bash, zsh or fish complete commands and options.",
+    }
+    show_names({f"  {name}": text for name, text in (options | OPTIONS).items()})
 
 
 def _deliberate() -> "type[FgnavError]":
@@ -186,5 +197,9 @@ def _fail(error: object, status: int) -> int:
     text = "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)
     if len(text) > _LONGEST_ERROR:
         text = f"{text[:_LONGEST_ERROR]}..."
-    print("fgnav:", text, file=sys.stderr)
+    logger = logging.getLogger("fgnav")
+    if logger.handlers:
+        logger.error("fgnav: %s", text)
+    else:  # it is the log that cannot be had
+        print("fgnav:", text, file=sys.stderr)
     return status

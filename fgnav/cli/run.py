@@ -5,7 +5,7 @@ from pathlib import Path
 from fgnav.cli.arguments.estimators import (
     compare_flight,
     estimators_named,
-    print_findings_of_check,
+    log_findings_of_check,
 )
 from fgnav.cli.arguments.options import (
     SMOOTHER_DEFAULTS,
@@ -51,7 +51,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     from fgnav.evaluation.report.save import check_report, save_report  # noqa: PLC0415
     from fgnav.methods.at_times import at_times  # noqa: PLC0415
 
-    check_outputs(flight, json, report, folder=out)
+    check_outputs(flight, json, report=report, folder=out)
     check_report(report)
     estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, smoother)]
     if len(estimators) > 1:
@@ -60,7 +60,7 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
     try:
         written = write_method(comparison, comparison.methods[0].name, data, out)
     except NoSolutionError:
-        print_findings_of_check(data)
+        log_findings_of_check(data)
         raise
     files = save_report(comparison, data, report, flight)
     write_json(json, comparison.to_dict())

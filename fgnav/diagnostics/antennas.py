@@ -73,7 +73,9 @@ def _by_antenna(seen: Observations, order: IntArray) -> dict[str, Any]:
     return {name: getattr(seen, name)[:, order] for name in names}
 
 
-def exchanged_antennas(differences: DoubleDifferences, fixed: BoolArray) -> Exchange | None:
+def exchanged_antennas(
+    flight: Flight, differences: DoubleDifferences, fixed: BoolArray
+) -> Exchange | None:
     """Return two antennas that are exchanged over a span of epochs.
 
     Each epoch that fits with an exchange alone favours it by the same odds. The span that favours
@@ -81,6 +83,7 @@ def exchanged_antennas(differences: DoubleDifferences, fixed: BoolArray) -> Exch
 
     Parameters
     ----------
+    flight : Flight
     differences : DoubleDifferences
         Of n epochs.
     fixed : ndarray of bool, shape (n,)
@@ -88,18 +91,18 @@ def exchanged_antennas(differences: DoubleDifferences, fixed: BoolArray) -> Exch
     """
     tested, antennas = differences.resolvable.any(axis=(1, 2)), len(differences.baselines_b_m) + 1
     failing = np.flatnonzero(tested & ~fixed)
-    failing = failing[~fits_shape(differences[failing])]
+    failing = failing[~fits_shape(flight, differences[failing])]
     count = differences.t_s.size**2 / 2 * antennas * (antennas - 1) / 2
     needed = np.log(max(count, 1) / _FALSE_ALARM) / np.log(1 / _BY_CHANCE)
     if antennas < 3 or len(failing) < needed:
         return None
     shapes = _exchanges(differences[_spread(failing, _OF_PAIRS)])
-    fitting = sorted(((fits_shape(shape).sum(), pair) for pair, shape in shapes), reverse=True)[:2]
-    likely, spans = [pair for _, pair in fitting], []
+    fitting = [(fits_shape(flight, shape).sum(), pair) for pair, shape in shapes]
+    likely, spans = [pair for _, pair in sorted(fitting, reverse=True)[:2]], []
     for pair, shape in _exchanges(differences[failing]):
         if pair in likely:
             score = np.where(tested, -1, 0)
-            score[failing] = np.where(fits_shape(shape), 1, -1)
+            score[failing] = np.where(fits_shape(flight, shape), 1, -1)
             spans.append((*_best_span(score), pair))
     (total, first, last, pair), (other, *_) = sorted(spans, reverse=True)
     if total < needed:
@@ -108,21 +111,29 @@ def exchanged_antennas(differences: DoubleDifferences, fixed: BoolArray) -> Exch
     return Exchange(pair, *differences.t_s[[first, last]].tolist(), *ratios)
 
 
-def fits_shape(differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape."""
+def fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
+    """Return which epochs, (n,), fit the array's shape.
+
+    Integers that LAMBDA finds without the shape are tried first: under it are searched the others.
+    """
     if not len(differences.t_s):
         return np.zeros(0, dtype=np.bool_)
-    search = search_constrained(differences, _NODES)
-    return np.asarray((search.costs[:, 0] <= _FITS * search.degrees) & (search.degrees > 0))
+    integers = Lambda()(differences, flight)
+    by_lambda = maximum_likelihood(RotationQuadratic.of_double_differences(differences, integers))
+    degrees = by_lambda.degrees_of_freedom
+    fits = (by_lambda.chi_square <= _FITS * degrees) & (degrees > 0)
+    (others,) = np.nonzero(~fits)
+    if len(others):
+        search = search_constrained(differences[others], _NODES)
+        fits[others] = (search.costs[:, 0] <= _FITS * search.degrees) & (search.degrees > 0)
+    return np.asarray(fits)
 
 
 def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding | None:
     """Return antennas that are exchanged or not at their places; None if epochs fit."""
     part = differences[_spread(np.flatnonzero(differences.resolvable.any(axis=(1, 2))), _EPOCHS)]
-    fits, antennas, seen = _fits_by_lambda(flight, part), flight.antennas, flight.observations
-    if not fits.all():
-        fits[~fits] = fits_shape(part[~fits])
-    exchange = None if fits.all() else exchanged_antennas(part, fits)
+    fits, antennas, seen = fits_shape(flight, part), flight.antennas, flight.observations
+    exchange = None if fits.all() else exchanged_antennas(flight, part, fits)
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
         return Finding("antennas exchanged", exchange.message(flight), mend)
@@ -130,7 +141,9 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
         return None
     evidence = f"{100 * fits.mean():.0f} % of {len(fits)} epochs fit the given places"
     every = range(len(antennas) if len(antennas) > 2 else 0)
-    shares = [(float(fits_shape(_without(flight, seen, part.t_s, a)).mean()), a) for a in every]
+    shares = [
+        (float(fits_shape(flight, _without(flight, seen, part.t_s, a)).mean()), a) for a in every
+    ]
     best, antenna = max(shares, default=(0.0, 0))
     if best < max(_RIGHT, 2 * fits.mean()):
         text = f"{evidence}; neither an exchange of two nor leaving one out explains it"
@@ -138,14 +151,6 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
     name = antennas[antenna].name
     text = f"{name} is not at its place: {evidence}, without it {100 * best:.0f} %"
     return Finding("antenna misplaced", text, "check its position_b_m")
-
-
-def _fits_by_lambda(flight: Flight, differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape by integers that know only what it spans."""
-    integers = Lambda()(differences, flight)
-    attitude = maximum_likelihood(RotationQuadratic.of_double_differences(differences, integers))
-    freedom = attitude.degrees_of_freedom
-    return attitude.solved & (freedom > 0) & (attitude.chi_square <= _FITS * freedom)
 
 
 def _exchanges(differences: DoubleDifferences) -> _Shapes:

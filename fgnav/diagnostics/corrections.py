@@ -88,7 +88,7 @@ def _exchange(flight: Flight, array: ArrayRanges | None) -> Exchange | None:
     if array is not None:
         is_open = differences.resolvable & np.isnan(array.ranges_m)
         fixed = np.asarray(~is_open.any(axis=(1, 2)))
-    return exchanged_antennas(differences, fixed)
+    return exchanged_antennas(flight, differences, fixed)
 
 
 def _motion(flight: Flight) -> Motion | None:

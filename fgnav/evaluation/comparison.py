@@ -10,10 +10,10 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
 from fgnav.evaluation.pairwise import Difference, pairwise
-from fgnav.evaluation.scores import Angles, Errors, Score, baseline_figures, errors_against, score
+from fgnav.evaluation.scores import Angles, Score, baseline_figures, errors_against, score
 from fgnav.integers.arcs.reported import reported_arcs
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.estimate import Estimate, Estimator, Rejected
+from fgnav.types.estimate import Errors, Estimate, Estimator, Rejected
 from fgnav.types.flight import TRUTH_SIGMAS, Flight, Truth
 from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html
@@ -217,7 +217,7 @@ def compare(
     gnss_epochs = 0 if flight.observations is None else len(flight.observations.t_s)
     return Comparison(
         flight=flight.name,
-        epochs=max((estimate.epochs for estimate in estimates), default=gnss_epochs),
+        epochs=max((estimate.n_epochs for estimate in estimates), default=gnss_epochs),
         methods=methods,
         bound=flight_bound(differences, flight.truth, estimates) if differences else Angles(),
         posterior_bound=_posterior_bound(flight, prepared_by_key),
@@ -278,7 +278,7 @@ def _timed(work: Callable[[], Any]) -> _Outcome:
     """Return the outcome of work, its seconds without compilation."""
     from numba.core.event import TimingListener, install_listener  # noqa: PLC0415  # lazy
 
-    compiling = TimingListener()  # type: ignore[no-untyped-call]
+    compiling = TimingListener()
     started_s = perf_counter()
     with install_listener("numba:compile", compiling):
         try:

@@ -8,7 +8,8 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.scores import EULER, Errors, rms
+from fgnav.evaluation.scores import EULER, rms
+from fgnav.types.estimate import Errors
 
 
 class Figure(NamedTuple):

@@ -33,13 +33,28 @@ class FlightOutcome:
     failure: str | None = None  # why no method could be asked
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class FlightsComparison:
-    """The outcome of several methods on several flights."""
+    """The outcome of several methods on several flights.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> flight = fgnav.load_flight("demo/flight")
+    >>> comparison = fgnav.compare({"first": flight, "second": flight}, ["rtk"])
+    >>> comparison
+    <FlightsComparison: rtk on 2 flights>
+    >>> comparison.figure("attitude_rmse_deg", "rtk").shape
+    (2,)
+    """
 
     # in the order asked; the first is the one that others are held against
     methods: tuple[str, ...]
     flights: tuple[FlightOutcome, ...]
+
+    def __repr__(self) -> str:
+        """Return which methods ran on how many flights."""
+        return f"<FlightsComparison: {', '.join(self.methods)} on {len(self.flights)} flights>"
 
     def figure(self, name: str, method: str) -> FloatArray:
         """Return a figure of each flight, (n,); NaN where a method has none."""

@@ -15,7 +15,7 @@ from fgnav.checks import FloatArray, Loss
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, minus, truth_at
 from fgnav.geometry import rotations
-from fgnav.types.estimate import Consistency, Estimate, GraphSummary, Verdict
+from fgnav.types.estimate import Consistency, Errors, Estimate, GraphSummary, Verdict
 from fgnav.types.flight import Flight, Truth
 
 EULER = ("roll", "pitch", "yaw")
@@ -30,36 +30,6 @@ class Angles:
     roll: float | None = None
     pitch: float | None = None
     yaw: float | None = None
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Errors:
-    """Estimate minus truth at every epoch that has both.
-
-    Attributes
-    ----------
-    t_s : ndarray, shape (n,)
-    euler_rad : ndarray, shape (n, 3)
-        Roll, pitch, yaw, wrapped; NaN in the columns of unobservable angles.
-    tangent_b_rad : ndarray, shape (n, 3)
-        Body-axes rotation vector from the estimated to the true attitude.
-    position_n_m, velocity_n_mps : ndarray, shape (n, 3), or None
-    nees, position_nees, velocity_nees : ndarray, shape (n,), or None
-        Normalised errors squared of attitude, position, velocity: chi-square with 3 degrees of
-        freedom when the stated covariance is right; NaN where that is not positive definite.
-    losses : tuple of Loss
-        Epochs of the estimate that could not be judged.
-    """
-
-    t_s: FloatArray
-    euler_rad: FloatArray
-    tangent_b_rad: FloatArray
-    position_n_m: FloatArray | None
-    velocity_n_mps: FloatArray | None
-    nees: FloatArray | None
-    position_nees: FloatArray | None = None
-    velocity_nees: FloatArray | None = None
-    losses: tuple[Loss, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +131,10 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
             estimate.velocity_covariance_m2ps2,
         )
     )
+    sigma_rad, position_sigma_m, velocity_sigma_mps = (
+        None if sigma is None else sigma[inside]
+        for sigma in (estimate.sigma_rad, estimate.position_sigma_m, estimate.velocity_sigma_mps)
+    )
     everywhere = np.arange(len(real.t_s))
     rows = np.flatnonzero(inside)
     position_n_m = minus(estimate.p_n_m, real.p_n_m, rows, everywhere)
@@ -178,6 +152,9 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         position_n_m=position_n_m,
         velocity_n_mps=velocity_n_mps,
         nees=nees,
+        sigma_rad=sigma_rad,
+        position_sigma_m=position_sigma_m,
+        velocity_sigma_mps=velocity_sigma_mps,
         position_nees=_nees(position_n_m, position, _diagonal(real.position_sigma_m)),
         velocity_nees=_nees(velocity_n_mps, velocity, _diagonal(real.velocity_sigma_mps)),
         losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),

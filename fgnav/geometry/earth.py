@@ -59,6 +59,12 @@ class Origin:
         Geodetic coordinates.
     height_m : float
         Height above the ellipsoid.
+
+    Examples
+    --------
+    >>> import fgnav
+    >>> fgnav.Origin.from_degrees(0.0, 90.0, 0.0).p_e_m.round()
+    array([      0., 6378137.,       0.])
     """
 
     latitude_rad: float
@@ -79,6 +85,15 @@ class Origin:
             raise BadInputError(
                 f"height_m: must be within -10 km and 100,000 km, got {self.height_m}"
             )
+
+    @classmethod
+    def from_degrees(cls, latitude_deg: float, longitude_deg: float, height_m: float) -> "Origin":
+        """Return the place of WGS-84 coordinates in degrees."""
+        return cls(
+            latitude_rad=float(np.radians(latitude_deg)),
+            longitude_rad=float(np.radians(longitude_deg)),
+            height_m=height_m,
+        )
 
     @property
     def p_e_m(self) -> FloatArray:

@@ -1,1 +1,1 @@
-"""How kernels are compiled, ``compiled``, and where they are kept, ``cache``."""
+"""How kernels are compiled (``compiled``, ``linking``), who is told, and where they are kept."""

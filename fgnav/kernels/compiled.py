@@ -1,13 +1,9 @@
-"""How compiled functions are compiled: those that Python calls, and those that only these call.
+"""How functions are compiled, ``kernel``: from Python once and for good, within each other once.
 
-Each could be called from Python and from C, and the code for that is half of what is compiled of a
-short one. A ``kernel`` leaves out the one, an ``inner`` function both: called from Python it would
-end the process, so it is private to a file of kernels (``tests/test_house.py`` looks). It is kept
-with those that call it, and needs no file of its own. What is divided by zero is infinite or NaN,
-as in numpy: else a check of each division would be compiled, too.
-
-LLVM optimises a function and all below it, and again within each function above it. What one place
-alone calls is ``inlined`` there, before types are inferred, and compiled once.
+Called from Python, a kernel is compiled with all that it calls and kept on disk. Called from
+another kernel it is a part of that: no entry from Python or C, no file of its own, and neither
+optimised nor made machine code for itself (``linking``). What is divided by zero is infinite or
+NaN, as in numpy: else a check of each division would be compiled, too.
 """
 
 import gc
@@ -15,9 +11,12 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from numba import njit
+from numba.core import event
+
+from fgnav.kernels.announcement import announce
+from fgnav.kernels.linking import linked_once
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-_njit: Callable[..., Any] = njit  # its types leave out options without wrappers
 # CPython keeps frames in pieces of 16 kB and maps a new piece for each call across a border: 49,000
 # times while one kernel compiles, 5 s of system time of a first run. A frame that asks for more
 # than half of 1 MB gets a piece of that size, and the calls within it the rest.
@@ -25,15 +24,41 @@ _STACK_SLOTS = 70_000  # of 8 bytes
 
 
 def kernel_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
-    """Return a decorator for what Python calls, with such rounding as numba's option allows."""
+    """Return a decorator that compiles, with such rounding as numba's option allows."""
     options = {"no_cfunc_wrapper": True, "error_model": "numpy", "fastmath": fastmath}
-    decorator = _njit(cache=True, nogil=True, **options)
 
     def compiled(function: Function) -> Function:
-        dispatcher: Function = _compiled_at_ease(decorator(function))
-        return dispatcher
+        dispatcher = njit(cache=True, nogil=True, **options)(function)
+        within_kernels = njit(no_cpython_wrapper=True, **options)(function)
+        dispatcher.get_call_template = within_kernels.get_call_template
+        dispatcher.get_overload = within_kernels.get_overload
+        kernel: Function = _compiled_at_ease(dispatcher)
+        return kernel
 
     return compiled
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function when it is first called."""
+    return kernel_with()(function)
+
+
+inner_with, inner, inlined = kernel_with, kernel, kernel
+
+
+class _Announced(event.Listener):  # type: ignore[misc]  # numba is Any
+    """Announces the compilation of one kernel; reading it from disk is none."""
+
+    def __init__(self, dispatcher: Any) -> None:  # noqa: ANN401
+        self.dispatcher = dispatcher
+
+    def on_start(self, event: Any) -> None:  # noqa: ANN401
+        """Announce it, but not what it calls."""
+        if event.data["dispatcher"] is self.dispatcher:
+            announce(self.dispatcher.__name__)
+
+    def on_end(self, event: Any) -> None:  # noqa: ANN401
+        """Say nothing."""
 
 
 def _compiled_at_ease(dispatcher: Any) -> Any:  # noqa: ANN401  # numba has no types
@@ -48,7 +73,8 @@ def _compiled_at_ease(dispatcher: Any) -> Any:  # noqa: ANN401  # numba has no t
         collects = gc.isenabled()
         gc.disable()
         try:
-            return compile_now(signature)
+            with linked_once(), event.install_listener("numba:compile", _Announced(dispatcher)):
+                return compile_now(signature)
         finally:
             if collects:
                 gc.enable()
@@ -71,32 +97,3 @@ def _without_stale_cache(cache: Any) -> None:  # noqa: ANN401  # numba has no ty
             return None
 
     cache.load_overload = load_overload
-
-
-def inner_with(*, fastmath: bool | set[str] = False) -> Callable[[Function], Function]:
-    """Return a decorator for what only kernels call, rounded as numba's option allows."""
-    decorator: Callable[[Function], Function] = _njit(
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
-        error_model="numpy",
-        fastmath=fastmath,
-    )
-    return decorator
-
-
-def kernel(function: Function) -> Function:
-    """Compile what Python calls."""
-    return kernel_with()(function)
-
-
-def inner(function: Function) -> Function:
-    """Compile what only kernels call."""
-    return inner_with()(function)
-
-
-def inlined(function: Function) -> Function:
-    """Make a function a part of the only one that calls it; called from Python it is a kernel."""
-    decorated: Function = _njit(
-        cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy", inline="always"
-    )(function)
-    return decorated

@@ -129,7 +129,7 @@ class ClosedForm:
         return Estimate(
             method=self.name,
             t_s=t_s,
-            epochs=_recorded(flight),
+            n_epochs=_recorded(flight),
             R_nb=R_nb,
             attitude_covariance_rad2=None if nose[keep].any() else covariance[keep],
             p_n_m=motion.p_n_m,

@@ -63,7 +63,7 @@ class MaximumLikelihood:
         return Estimate(
             method=self.name,
             t_s=differences.t_s[keep],
-            epochs=len(differences.t_s),
+            n_epochs=len(differences.t_s),
             R_nb=R_nb,
             attitude_covariance_rad2=solution.covariance_rad2[keep],
             p_n_m=motion.p_n_m,

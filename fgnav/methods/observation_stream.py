@@ -148,7 +148,7 @@ class ObservationStream:
             rows = np.array([one.row for one in part])
             parts.append(stated_at(name, part[0].prepared, problem, solution, rows))
         if not parts:
-            return Estimate(method=name, t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
+            return Estimate(method=name, t_s=np.empty(0), n_epochs=0, R_nb=np.empty((0, 3, 3)))
         count = sum(len(part.t_s) for part in parts)
         return concatenate_estimates(parts, count, count)
 

@@ -70,7 +70,7 @@ class Rtk:
         return Estimate(
             method=self.name,
             t_s=t_s,
-            epochs=len(flight.observations.t_s),
+            n_epochs=len(flight.observations.t_s),
             R_nb=R_nb,
             attitude_covariance_rad2=covariance[keep],
             p_n_m=motion.p_n_m,

@@ -230,7 +230,7 @@ class Smoother:
             due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
             estimate = self._estimated(one.flight, one.prepared)
             parts.append(among(estimate, one.from_s, one.until_s))
-        return concatenate_estimates(parts, max(one.epochs for one in parts), due)
+        return concatenate_estimates(parts, max(one.n_epochs for one in parts), due)
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None

@@ -235,7 +235,9 @@ class Stream:
 
     def _estimate(self, departed: "Departed | None", *, leaving: bool = True) -> Estimate:
         if departed is None or self._latest is None or self._body is None:
-            return Estimate(method="smoother", t_s=np.empty(0), epochs=0, R_nb=np.empty((0, 3, 3)))
+            return Estimate(
+                method="smoother", t_s=np.empty(0), n_epochs=0, R_nb=np.empty((0, 3, 3))
+            )
         solution, constants = departed.solution, self._latest.constants
         return replace(
             stated(

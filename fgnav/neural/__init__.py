@@ -9,11 +9,13 @@ needed.
 
 from typing import Any
 
-__all__ = ["Manifest", "NeuralFactor", "Record", "read_manifest", "save_manifest"]
-
 _HOMES = {
+    "calibration": "fgnav.neural.calibration",
+    "Covariance": "fgnav.neural.manifest",
+    "Input": "fgnav.neural.manifest",
     "Manifest": "fgnav.neural.manifest",
     "NeuralFactor": "fgnav.neural.factor",
+    "Output": "fgnav.neural.manifest",
     "Record": "fgnav.neural.records",
     "read_manifest": "fgnav.neural.manifest",
     "save_manifest": "fgnav.neural.manifest",

@@ -1,13 +1,14 @@
 """What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
 
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times
 from fgnav.geometry.rotations import euler_sigma, to_euler
-from fgnav.types.flight import Flight
+from fgnav.types.flight import Flight, Truth
 from fgnav.types.integers import ArcInteger, Integers
 from fgnav.types.summaries import summary, summary_html
 
@@ -208,8 +209,8 @@ class Estimate:
         Who made it.
     t_s : ndarray, shape (n,)
         Epochs with an answer, strictly increasing.
-    epochs : int
-        How many epochs were asked for; ``n / epochs`` is the availability.
+    n_epochs : int
+        How many epochs were asked for; ``n / n_epochs`` is the availability.
     R_nb : ndarray, shape (n, 3, 3)
     attitude_covariance_rad2 : ndarray, shape (n, 3, 3), or None
         Of the body-axes tangent ``R_true = R_nb @ Exp(delta)``; None where the method states none.
@@ -257,7 +258,7 @@ class Estimate:
 
     method: str
     t_s: FloatArray
-    epochs: int
+    n_epochs: int
     R_nb: FloatArray
     attitude_covariance_rad2: FloatArray | None = None
     p_n_m: FloatArray | None = None
@@ -284,8 +285,8 @@ class Estimate:
     def __post_init__(self) -> None:
         """Check and freeze every field."""
         n = freeze_times(self.method, self)
-        if self.epochs < n:
-            raise BadInputError(f"{self.method} epochs: {self.epochs}, but {n} have an answer")
+        if self.n_epochs < n:
+            raise BadInputError(f"{self.method} n_epochs: {self.n_epochs}, but {n} have an answer")
         freeze(self.method, self, {"R_nb": (n, 3, 3)})
         if self.attitude_covariance_rad2 is not None:
             freeze(self.method, self, {"attitude_covariance_rad2": (n, 3, 3)})
@@ -296,7 +297,7 @@ class Estimate:
     @property
     def available(self) -> float:
         """Share of the epochs that have an answer."""
-        return len(self.t_s) / self.epochs if self.epochs else 0.0
+        return len(self.t_s) / self.n_epochs if self.n_epochs else 0.0
 
     @property
     def consistent(self) -> bool:
@@ -309,11 +310,41 @@ class Estimate:
         return np.asarray(np.degrees(to_euler(self.R_nb)))
 
     @property
-    def sigma_deg(self) -> FloatArray | None:
+    def sigma_rad(self) -> FloatArray | None:
         """Standard deviations of roll, pitch and yaw, (n, 3); None where the method states none."""
         if self.attitude_covariance_rad2 is None:
             return None
-        return np.asarray(np.degrees(euler_sigma(self.R_nb, self.attitude_covariance_rad2)))
+        return euler_sigma(self.R_nb, self.attitude_covariance_rad2)
+
+    @property
+    def sigma_deg(self) -> FloatArray | None:
+        """The same in degrees."""
+        return None if self.sigma_rad is None else np.asarray(np.degrees(self.sigma_rad))
+
+    @property
+    def position_sigma_m(self) -> FloatArray | None:
+        """Standard deviations north, east, down, (n, 3); None where the method states none."""
+        return sigmas(self.position_covariance_m2)
+
+    @property
+    def velocity_sigma_mps(self) -> FloatArray | None:
+        """Standard deviations north, east, down, (n, 3); None where the method states none."""
+        return sigmas(self.velocity_covariance_m2ps2)
+
+    def errors(self, truth: Truth) -> "Errors":
+        """Return estimate minus truth at the epochs that this covers, with their sigmas.
+
+        Examples
+        --------
+        >>> import fgnav
+        >>> flight = fgnav.load_flight("demo/flight")
+        >>> errors = fgnav.Smoother(noise="stated")(flight).errors(flight.truth)
+        >>> errors.euler_deg.shape == errors.sigma_deg.shape
+        True
+        """
+        scores = import_module("fgnav.evaluation.scores")  # it knows this type, not this file it
+        errors: Errors = scores.errors_against(truth, self)
+        return errors
 
     def to_pandas(self) -> "DataFrame":
         """Return every figure as a ``pandas.DataFrame``, ``t_s`` for an index; see ``to_table``.
@@ -361,6 +392,56 @@ class Estimate:
         return summary_html(self)
 
 
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
+class Errors:
+    """Estimate minus truth at every epoch that has both.
+
+    Attributes
+    ----------
+    t_s : ndarray, shape (n,)
+    euler_rad : ndarray, shape (n, 3)
+        Roll, pitch, yaw, wrapped; NaN in the columns of unobservable angles.
+    tangent_b_rad : ndarray, shape (n, 3)
+        Body-axes rotation vector from the estimated to the true attitude.
+    position_n_m, velocity_n_mps : ndarray, shape (n, 3), or None
+    nees, position_nees, velocity_nees : ndarray, shape (n,), or None
+        Normalised errors squared of attitude, position, velocity: chi-square with 3 degrees of
+        freedom when the stated covariance is right; NaN where that is not positive definite.
+    sigma_rad, position_sigma_m, velocity_sigma_mps : ndarray, shape (n, 3), or None
+        1-sigma as the estimate states it, at the same epochs.
+    losses : tuple of Loss
+        Epochs of the estimate that could not be judged.
+    """
+
+    t_s: FloatArray
+    euler_rad: FloatArray
+    tangent_b_rad: FloatArray
+    position_n_m: FloatArray | None
+    velocity_n_mps: FloatArray | None
+    nees: FloatArray | None
+    sigma_rad: FloatArray | None = None
+    position_sigma_m: FloatArray | None = None
+    velocity_sigma_mps: FloatArray | None = None
+    position_nees: FloatArray | None = None
+    velocity_nees: FloatArray | None = None
+    losses: tuple[Loss, ...] = ()
+
+    @property
+    def euler_deg(self) -> FloatArray:
+        """Roll, pitch and yaw, (n, 3)."""
+        return np.asarray(np.degrees(self.euler_rad))
+
+    @property
+    def sigma_deg(self) -> FloatArray | None:
+        """1-sigma of roll, pitch and yaw, (n, 3)."""
+        return None if self.sigma_rad is None else np.degrees(self.sigma_rad)
+
+    def __repr__(self) -> str:
+        """Return how many epochs were judged, and the RMS errors of the angles."""
+        shown = ", ".join(f"{rms:.3f}" for rms in np.sqrt((self.euler_deg**2).mean(axis=0)))
+        return f"<Errors: {len(self.t_s)} epochs, RMS of roll, pitch, yaw {shown} deg>"
+
+
 class Estimator(Protocol):
     """Anything that turns a flight into an estimate."""
 
@@ -372,6 +453,13 @@ class Estimator(Protocol):
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate; raise ``NoSolutionError`` when the flight has no answer for this method."""
         ...
+
+
+def sigmas(covariance: FloatArray | None) -> FloatArray | None:
+    """Return the standard deviations (n, 3) of covariances (n, 3, 3)."""
+    if covariance is None:
+        return None
+    return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)))
 
 
 def open_angle_variance_rad2() -> float:

@@ -3,13 +3,17 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.types.instruments import (
+    USUAL_IMU_NOISE,
+    USUAL_POSITION_SIGMA_M,
+    USUAL_VELOCITY_SIGMA_MPS,
     Antenna,
     ElevationWeights,
     GnssNoise,
@@ -151,7 +155,7 @@ _SINGLE = (
 TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Truth(Samples):
     """What really happened, of a simulated flight; or a reference taken as such.
 
@@ -304,6 +308,86 @@ class Flight:
     def _repr_html_(self) -> str:
         """Return the same for a notebook."""
         return summary_html(self)
+
+    @classmethod
+    def from_arrays(  # noqa: PLR0913  # an array of each quantity
+        cls,
+        t_s: FloatArray,
+        f_b_mps2: FloatArray,
+        w_b_radps: FloatArray | None = None,
+        *,
+        origin: Origin,
+        fixes_t_s: FloatArray | None = None,
+        p_n_m: FloatArray | None = None,
+        v_n_mps: FloatArray | None = None,
+        position_sigma_m: ArrayLike | None = None,
+        velocity_sigma_mps: ArrayLike | None = None,
+        antenna_b_m: ArrayLike = (0.0, 0.0, 0.0),
+        name: str = "flight",
+        start_gps_s: float = 0.0,
+        **noise: float,
+    ) -> "Flight":
+        """Return the flight of an inertial unit and, beside it, of a receiver's solution.
+
+        Other sensors are added by ``dataclasses.replace(flight, barometer=...)``.
+
+        Parameters
+        ----------
+        t_s : ndarray, shape (k,)
+        f_b_mps2, w_b_radps : ndarray, shape (k, 3)
+            Of accelerometer and gyroscope.
+        origin : Origin
+        fixes_t_s : ndarray, shape (m,)
+        p_n_m, v_n_mps : ndarray, shape (m, 3)
+            Of the antenna.
+        position_sigma_m, velocity_sigma_mps : float or ndarray, shape (3,) or (m, 3)
+            Usual figures where they are not given, as of the noise.
+        antenna_b_m : array, shape (3,)
+        name : str
+        start_gps_s : float
+        **noise : float
+            Of the unit, as fields of ``Imu``: ``accelerometer_noise_mps2_per_sqrt_hz``.
+
+        Examples
+        --------
+        >>> import fgnav, numpy as np
+        >>> t_s, f_b_mps2 = np.arange(100) / 100, np.tile([0.0, 0.0, -9.81], (100, 1))
+        >>> munich = fgnav.Origin.from_degrees(48.14, 11.58, 520.0)
+        >>> fgnav.Flight.from_arrays(t_s, f_b_mps2, origin=munich).records
+        {'imu': <Imu: 100 samples, 0.000 to 0.990 s>}
+        """
+        usual = {
+            n: x for n, x in USUAL_IMU_NOISE.items() if w_b_radps is not None or n.startswith("acc")
+        }
+        unstated = tuple(n for n in usual if n not in noise)
+        values: dict[str, Any] = usual | noise
+        imu = Imu(t_s=t_s, f_b_mps2=f_b_mps2, w_b_radps=w_b_radps, unstated=unstated, **values)
+        if fixes_t_s is None or p_n_m is None:
+            return cls(name=name, start_gps_s=start_gps_s, origin=origin, imu=imu)
+        given = {"position": position_sigma_m, "velocity": velocity_sigma_mps}
+        usual_sigma = {"position": USUAL_POSITION_SIGMA_M, "velocity": USUAL_VELOCITY_SIGMA_MPS}
+        sigma = {
+            name: np.broadcast_to(usual_sigma[name] if x is None else x, np.shape(p_n_m)).copy()
+            for name, x in given.items()
+            if name == "position" or v_n_mps is not None
+        }
+        fixes = Fixes(
+            t_s=fixes_t_s,
+            antenna="antenna",
+            p_n_m=p_n_m,
+            v_n_mps=v_n_mps,
+            position_sigma_m=sigma["position"],
+            velocity_sigma_mps=sigma.get("velocity"),
+            unstated=tuple(name for name in sigma if given[name] is None),
+        )
+        return cls(
+            name=name,
+            start_gps_s=start_gps_s,
+            origin=origin,
+            antennas=(Antenna(name="antenna", position_b_m=np.asarray(antenna_b_m, dtype=float)),),
+            imu=imu,
+            fixes=(fixes,),
+        )
 
     def antenna(self, name: str) -> Antenna:
         """Return the antenna of that name.

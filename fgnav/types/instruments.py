@@ -1,14 +1,33 @@
 """What is in a vehicle and what it recorded: antennas, inertial unit, detector."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Literal, Self, TypeAlias
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, freeze, freeze_times, positive
 
 ElevationWeights: TypeAlias = Literal["sine", "uniform"]
+# Usual noise, where a flight states none: what identification starts from.
+# Data sheets of small units (TDK ICM-42688-P and MPU-6050, Bosch BMI160 and BMI270) state 7e-4 to
+# 4e-3 m/s2/sqrt(Hz) and 5e-5 to 1e-4 rad/s/sqrt(Hz); in motion, with vibration, small units have
+# ten times that and more. Biases and walks: consumer grade of Groves, 2nd edition, 2013, table 4.1
+# and section 4.4.1.
+USUAL_IMU_NOISE = {
+    "accelerometer_noise_mps2_per_sqrt_hz": 1e-2,
+    "accelerometer_bias_mps2": 0.3,
+    "accelerometer_bias_walk_mps2_per_sqrt_s": 1e-3,
+    "gyroscope_noise_radps_per_sqrt_hz": 5e-4,
+    "gyroscope_bias_radps": 0.02,
+    "gyroscope_bias_walk_radps_per_sqrt_s": 2e-5,
+}
+# What a receiver's own solution is good for where the file does not say: a single-frequency code
+# solution under open sky.
+USUAL_POSITION_SIGMA_M = (3.0, 3.0, 5.0)
+USUAL_VELOCITY_SIGMA_MPS = (0.1, 0.1, 0.1)
+# Fixed integers: data sheet of the u-blox ZED-F9P, .01 m, and .4 deg of a heading along 1 m.
+USUAL_BASELINE_SIGMA_M = (0.01, 0.01, 0.02)
 
 
 class Samples:
@@ -24,6 +43,12 @@ class Samples:
     __slots__ = ()
     columns: ClassVar[tuple[str, ...]]
     t_s: FloatArray
+
+    def __repr__(self) -> str:
+        """Return how many samples there are, and when."""
+        count, t_s = f"{len(self.t_s)} samples", self.t_s
+        span = f", {t_s[0]:.3f} to {t_s[-1]:.3f} s" if len(t_s) else ""
+        return f"<{type(self).__name__}: {count}{span}>"
 
     def __getitem__(self, rows: slice | BoolArray) -> Self:
         """Return some of the samples."""
@@ -100,7 +125,7 @@ class GnssNoise:
             )
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Imu(Samples):
     """Accelerometer triad, and gyroscope if there is one, at one point of the body.
 
@@ -162,7 +187,7 @@ class Imu(Samples):
             freeze("imu", self, {"w_b_radps": (k, 3)})
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Photodetector(Samples):
     """Quadrant photodetector that sees one beacon at a known place.
 
@@ -207,3 +232,17 @@ class Photodetector(Samples):
         positive("photodetector line_of_sight_sigma_rad", self.line_of_sight_sigma_rad)
         shapes = {"currents": (k, 4), "position_b_m": (3,), "landmark_n_m": (3,)}
         freeze("photodetector", self, shapes)
+
+
+def filled(stated: Mapping[str, float | None], usual: Mapping[str, float]) -> dict[str, Any]:
+    """Return noise by name, the usual in the place of what is not stated; ``unstated`` with it."""
+    values = {name: usual[name] if x is None else x for name, x in stated.items()}
+    return values | {"unstated": tuple(name for name, x in stated.items() if x is None)}
+
+
+def imu_noise(keys: object, *, gyroscope: bool) -> dict[str, Any]:
+    """Return a unit's noise of keys with its names, without a gyroscope none of one."""
+    stated = {name: getattr(keys, name) for name in USUAL_IMU_NOISE}
+    none = {n: None for n, x in stated.items() if x is None and n.startswith("gyroscope")}
+    absent = {} if gyroscope else none
+    return filled({n: x for n, x in stated.items() if n not in absent}, USUAL_IMU_NOISE) | absent

@@ -11,7 +11,7 @@ from fgnav.types.instruments import Samples
 Measured: TypeAlias = Literal["vector", "direction", "heading"]
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Fixes(Samples):
     """A receiver's own solution of one antenna, where raw data are absent.
 
@@ -55,7 +55,7 @@ class Fixes(Samples):
             freeze("fixes", self, {"v_n_mps": shape})
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Baseline(Samples):
     """The vector from one antenna to another as a receiver has it, or its direction, or heading.
 

@@ -47,7 +47,7 @@ def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a 
 
 def _of_estimate(estimate: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # an Estimate
     t_s, sigma_deg = estimate.t_s, estimate.sigma_deg
-    span = f"{len(t_s)} of {estimate.epochs} epochs"
+    span = f"{len(t_s)} of {estimate.n_epochs} epochs"
     if len(t_s):
         span += f", {t_s[0]:.3f} to {t_s[-1]:.3f} s"
     states = {

@@ -9,7 +9,7 @@ from fgnav.checks import BadInputError, FloatArray, freeze, freeze_times, positi
 from fgnav.types.instruments import Samples
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Barometer(Samples):
     """Height by air pressure, already turned into metres by whatever atmosphere.
 
@@ -48,7 +48,7 @@ class Barometer(Samples):
             raise BadInputError(f"barometer wander_m: must be 0 or positive, got {self.wander_m}")
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Magnetometer(Samples):
     """The magnetic field in body axes, and what it is where the flight is.
 

@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.cli.arguments.estimators import print_findings_of_check
+from fgnav.cli.arguments.estimators import log_findings_of_check
 from fgnav.diagnostics import describe
 from fgnav.io.flight.folder import load_flight
 from fgnav_sim.scenario import load_scenario
@@ -66,11 +66,11 @@ def test_axes_are_certain_beside_an_array_before_an_estimate_too(name, seed):
     assert finding.name in ("imu axes", "antenna axes")
 
 
-def test_what_is_too_long_before_an_estimate_follows_one_that_failed(capsys):
+def test_what_is_too_long_before_an_estimate_follows_one_that_failed(caplog):
     broken, _ = FAULTS["lever arm reversed"](flown("demo"), np.random.default_rng(0))
     assert describe(broken, quick=True).findings == ()
-    print_findings_of_check(broken)
-    assert capsys.readouterr().err.startswith("check: imu lever arm: ")
+    log_findings_of_check(broken)
+    assert caplog.messages[0].startswith("check: imu lever arm: ")
 
 
 def test_one_velocity_is_no_motion_to_check():

@@ -49,7 +49,7 @@ class Off:
             **{
                 "method": self.name,
                 "t_s": self.t_s,
-                "epochs": len(self.t_s),
+                "n_epochs": len(self.t_s),
                 "R_nb": real.R_nb @ rotations.exp(tangent),
                 "p_n_m": None if self.position_m is None else real.p_n_m + shift,
                 "v_n_mps": None if self.position_m is None else real.v_n_mps + 2 * shift,

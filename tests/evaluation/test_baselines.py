@@ -40,7 +40,7 @@ def drawn(rng):
     truth = Truth(t_s=t_s, p_n_m=zero, v_n_mps=zero, R_nb=R_nb @ exp(tangent) @ turned)
     covariance = np.tile(P, (N, 1, 1))
     estimate = Estimate(
-        method="m", t_s=t_s, epochs=N, R_nb=R_nb, attitude_covariance_rad2=covariance
+        method="m", t_s=t_s, n_epochs=N, R_nb=R_nb, attitude_covariance_rad2=covariance
     )
     return truth, estimate
 

@@ -29,7 +29,7 @@ def estimate(rng, whole=True) -> Estimate:
     }
     R_nb = from_euler(*rng.uniform(-1, 1, (3, n)))
     return Estimate(
-        method="m", t_s=np.arange(n) / 2, epochs=n, R_nb=R_nb, **(extra if whole else {})
+        method="m", t_s=np.arange(n) / 2, n_epochs=n, R_nb=R_nb, **(extra if whole else {})
     )
 
 

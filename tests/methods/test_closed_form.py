@@ -70,7 +70,7 @@ def euler_rmse_deg(flight, estimate):
 
 def test_array_with_true_integers_gives_attitude_at_every_epoch(array_flight):
     estimate = ClosedForm(resolver=Truth())(array_flight)
-    assert estimate.epochs == len(estimate.t_s) == 50
+    assert estimate.n_epochs == len(estimate.t_s) == 50
     # Some times the bound of .65 .16 .08 degrees of six satellites.
     assert (euler_rmse_deg(array_flight, estimate) < [3.5, 0.7, 0.4]).all()
     assert estimate.integers.resolver == "truth"
@@ -106,7 +106,7 @@ def test_it_is_found_by_name(array_flight):
 
 def test_epochs_without_two_baselines_are_counted(array_flight):
     estimate = ClosedForm(resolver=Partial())(array_flight)
-    assert (len(estimate.t_s), estimate.epochs) == (17, 50)
+    assert (len(estimate.t_s), estimate.n_epochs) == (17, 50)
     counts = {loss.reason: loss.count for loss in estimate.losses if loss.what == "epoch"}
     assert counts == {"no two vectors out of line": 33}
 
@@ -166,7 +166,7 @@ def test_specific_force_alone_leaves_yaw_open_by_name():
 def test_a_single_antenna_is_placed_by_its_code():
     flight = flown(gnss=GNSS, antennas_b_m=((0.0, 0.0, 0.0),), photodetector=BEACON)
     estimate = ClosedForm()(flight)
-    assert estimate.epochs == 50
+    assert estimate.n_epochs == 50
     assert estimate.p_n_m is not None
     assert any("of line of sight," in n and "of velocity" in n for n in estimate.notes)
 
@@ -190,7 +190,7 @@ def test_velocity_does_not_join_a_line_of_sight_that_it_follows():
     flight = flown(fixes=FIXES, imu=ImuTable(), photodetector=BEACON)
     estimate = ClosedForm()(flight)
     # Both ends lack an acceleration, so specific force: the two others lie 5 degrees apart.
-    assert (len(estimate.t_s), estimate.epochs) == (48, 50)
+    assert (len(estimate.t_s), estimate.n_epochs) == (48, 50)
     roll_deg, *_ = np.degrees(
         rotations.to_euler(true_attitude(flight, estimate.t_s)) - rotations.to_euler(estimate.R_nb)
     ).T

@@ -135,7 +135,7 @@ def streamed(case, sources=(), given=None):
             name: np.concatenate([getattr(part, name) for part in left])
             for name in ("t_s", "R_nb", "attitude_covariance_rad2")
         },
-        epochs=len(case.problem.t_s),
+        n_epochs=len(case.problem.t_s),
         consistency=tuple(one for part in left for one in part.consistency),
         **dict.fromkeys(NOT_JOINED),
     )

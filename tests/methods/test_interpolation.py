@@ -42,7 +42,7 @@ def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
     estimate = BATCH.at(flight, batch.t_s[[3, 50]])
     assert_allclose(estimate.p_n_m, batch.p_n_m[[3, 50]], atol=1e-9)
     assert_allclose(estimate.R_nb, batch.R_nb[[3, 50]], atol=1e-12)
-    assert estimate.epochs == 2
+    assert estimate.n_epochs == 2
 
 
 def test_at_keyframes_the_search_starts_where_it_did(flight):

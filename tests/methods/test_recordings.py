@@ -14,7 +14,7 @@ def test_a_quadrotor_s_vibration_is_noise_and_no_contradiction(shared):
     flight = quadrotor(shared, path)
     estimate = Batch()(flight)
     assert estimate.converged
-    assert len(estimate.t_s) > 0.98 * estimate.epochs
+    assert len(estimate.t_s) > 0.98 * estimate.n_epochs
     table = np.genfromtxt(
         shared / "flights" / "quadrotor" / path / "GT.csv", delimiter=",", skip_header=1
     )

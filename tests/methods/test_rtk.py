@@ -98,7 +98,7 @@ def test_epochs_that_fail_the_ratio_test_are_counted():
     estimate = Rtk(ratio_min=2.0)(weak)
     lost = sum(loss.count for loss in estimate.losses if loss.what == "epoch")
     assert lost > 0
-    assert lost + len(estimate.t_s) == estimate.epochs
+    assert lost + len(estimate.t_s) == estimate.n_epochs
 
 
 def test_no_epoch_past_the_ratio_test_is_no_solution(flight):

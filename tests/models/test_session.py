@@ -150,11 +150,9 @@ def test_texts_that_are_no_utf8_are_one_line(tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_graphs_within_nodes_and_endless_lists_are_refused_before_anything_runs(tmp_path):
+def test_graphs_within_nodes_are_refused_before_anything_runs(tmp_path):
     body = onnx.load_model_from_string(onnx_bytes()).graph
     loop = helper.make_node("Loop", ["n", "go"], ["y"], body=body)
     content = of_nodes(loop, n=10**9, go=True)
     with pytest.raises(BadInputError, match=r"holds a graph in a node \(If, Loop, Scan\)"):
         load(written(tmp_path, content))
-    with pytest.raises(BadInputError, match="more than 100000 fields"):
-        load(written(tmp_path, b"\x08\x07" * 200_000))

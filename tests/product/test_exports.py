@@ -38,7 +38,7 @@ def made():
     estimate = Estimate(
         method="m",
         t_s=np.arange(n) / 10,
-        epochs=n + 1,
+        n_epochs=n + 1,
         R_nb=from_euler(*rng.uniform(-1, 1, (3, n))),
         attitude_covariance_rad2=covariance * 1e-6,
         p_n_m=rng.normal(0, 500, (n, 3)),

@@ -147,7 +147,7 @@ def test_flight_estimate_and_comparison_show_themselves_in_five_lines():
     place = Origin(latitude_rad=0.7, longitude_rad=0.1, height_m=5.0)
     flight = fgnav.Flight(name="<walk>", start_gps_s=0.0, origin=place)
     estimate = Estimate(
-        method="m", t_s=np.arange(3.0), epochs=4, R_nb=np.tile(np.eye(3), (3, 1, 1))
+        method="m", t_s=np.arange(3.0), n_epochs=4, R_nb=np.tile(np.eye(3), (3, 1, 1))
     )
     nothing = fgnav.Comparison(flight="walk", epochs=4, methods=(), bound=None)
     for part in (flight, estimate, nothing):

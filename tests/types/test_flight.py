@@ -73,7 +73,7 @@ def flight(**changes):
 
 
 def estimate(**changes):
-    good = {"method": "m", "t_s": T, "epochs": 4, "R_nb": np.tile(np.eye(3), (2, 1, 1))}
+    good = {"method": "m", "t_s": T, "n_epochs": 4, "R_nb": np.tile(np.eye(3), (2, 1, 1))}
     return Estimate(**(good | changes))
 
 
@@ -119,7 +119,7 @@ def test_availability_is_the_share_of_epochs_with_an_answer():
         (flight, {"elevation_mask_rad": 2.0}, "elevation_mask_deg: must be within 0 and 90"),
         (GnssNoise, {"code_m": 0.0}, "gnss noise code_m: must be positive"),
         (GnssNoise, {"elevation_weights": "flat"}, "elevation_weights: must be sine or uniform"),
-        (estimate, {"epochs": 1}, "m epochs: 1, but 2 have an answer"),
+        (estimate, {"n_epochs": 1}, "m n_epochs: 1, but 2 have an answer"),
         (estimate, {"R_nb": np.zeros((1, 3, 3))}, "m R_nb: expected shape"),
     ],
 )

@@ -1,7 +1,7 @@
 """Methods as the command line asks for them, and a flight compared by them, each step shown."""
 
 import gc
-import sys
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from fgnav.types.estimate import Estimator
     from fgnav.types.flight import Flight
 
+_LOG = logging.getLogger("fgnav")
 _TOML = "flight.toml"  # what makes a folder a flight
 
 
@@ -160,9 +161,7 @@ def _loaded(folder: Path, span: Span, step: Steps) -> "Flight":
 
 
 def _check_set_up(flight: "Flight") -> None:
-    """Print what a quick check finds, and what of the files could not be read, to standard error.
-
-    No table or JSON goes there.
+    """Log what a quick check finds, and what of the files could not be read.
 
     Raises
     ------
@@ -179,11 +178,11 @@ def _check_set_up(flight: "Flight") -> None:
             raise BadInputError(f"{flight.name}: {finding}")
     lost = loss_lines({"files": flight.losses})
     for said in (*findings, *(f"files: {line}" for line in lost)):
-        print(f"check: {said}", file=sys.stderr)
+        _LOG.warning("check: %s", said)
 
 
-def print_findings_of_check(flight: "Flight") -> None:
-    """Print to standard error what all checks find of a flight without a solution.
+def log_findings_of_check(flight: "Flight") -> None:
+    """Log what all checks find of a flight without a solution.
 
     But for what was said before its estimate.
     """
@@ -197,7 +196,7 @@ def print_findings_of_check(flight: "Flight") -> None:
         return
     for finding in every:
         if finding not in before:
-            print(f"check: {finding}", file=sys.stderr)
+            _LOG.warning("check: %s", finding)
 
 
 def load(folder: Path, step: Steps) -> "Flight":

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def fail_if_inconsistent(comparison: "Comparison", *, strict: bool) -> None:
 def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
     """Write estimate.csv, estimate.npz and summary.json of one method; return a line that says so.
 
+    They replace earlier ones together, once all are on the disk.
+
     Raises
     ------
     NoSolutionError
@@ -38,8 +41,8 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
     from fgnav.io.atomic_write import made_folder  # noqa: PLC0415
-    from fgnav.io.exports.recorded import save_estimate  # noqa: PLC0415
-    from fgnav.io.exports.tables import ESTIMATE, write_outcome  # noqa: PLC0415
+    from fgnav.io.exports.recorded import FILE, save_estimate  # noqa: PLC0415
+    from fgnav.io.exports.tables import ESTIMATE, SUMMARY, write_outcome  # noqa: PLC0415
 
     method = comparison[name]
     estimate = method.estimate
@@ -53,6 +56,11 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
         )
     alone = replace(comparison, methods=(method,), differences=())
     place = made_folder(folder)
-    save_estimate(estimate, flight, place / "estimate.npz")
-    write_outcome(place, estimate, flight.origin, alone.to_dict())
-    return f"{name}: {len(estimate.t_s)} of {comparison.epochs} epochs in {place / ESTIMATE}"
+    replaced = ", for an earlier one" if (place / ESTIMATE).exists() else ""
+    with TemporaryDirectory(prefix=".fgnav-", dir=place) as written:  # on the same disk
+        save_estimate(estimate, flight, Path(written) / FILE)
+        write_outcome(Path(written), estimate, flight.origin, alone.to_dict())
+        for file in (FILE, ESTIMATE, SUMMARY):
+            (Path(written) / file).replace(place / file)
+    count = f"{len(estimate.t_s)} of {comparison.epochs} epochs"
+    return f"{name}: {count} in {place / ESTIMATE}{replaced}"

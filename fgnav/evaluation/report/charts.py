@@ -23,7 +23,7 @@ COLOURS = ("#e69f00", "#56b4e9", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e
 METHODS = ("closed-form", "maximum-likelihood", "smoother", "forward", "batch", "rtk")
 CN0_COLOURS = ("#3a5a9b", "#5d6f96", "#7f8287", "#a39a73", "#c8b54f", "#e8d12c")
 GOOD, FAIR, POOR, WRONG = "#c9d3da", "#8a97a0", "#46515a", "#c00020"
-TRUTH, RECORDED, FIXES, INK_LINE = "truth", "as recorded", "fixes", "ink"
+TRUTH, FIXES, INK_LINE = "truth", "fixes", "ink"
 TIME = "time, s"
 Span = tuple[float, float]  # of an axis
 _GAP = 3.0  # usual intervals; a line is broken across a longer step
@@ -53,7 +53,6 @@ def styles_of(methods: Sequence[str]) -> dict[str, Style]:
     others = [name for name in methods if name not in fixed]
     fixed |= {name: rest[k % len(rest)] for k, name in enumerate(others)}
     styles = {TRUTH: Style(INK, "--"), INK_LINE: Style(INK), FIXES: Style(FAIR)}
-    styles[RECORDED] = Style("#0060a0")
     return styles | {name: fixed[name]._replace(group=f"m{k}") for k, name in enumerate(methods)}
 
 

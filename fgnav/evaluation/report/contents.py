@@ -3,8 +3,8 @@
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.charts import Span
 from fgnav.evaluation.report.parts import Report, folded, paragraph, report
-from fgnav.evaluation.report.sections.consistency import consistency_blocks, separation_blocks
-from fgnav.evaluation.report.sections.epochs import integer_blocks, quality_strips
+from fgnav.evaluation.report.sections.consistency import consistency_blocks
+from fgnav.evaluation.report.sections.epochs import integer_blocks
 from fgnav.evaluation.report.sections.errors import error_charts, sigma_charts
 from fgnav.evaluation.report.sections.facts import (
     constants_table,
@@ -12,10 +12,9 @@ from fgnav.evaluation.report.sections.facts import (
     set_up,
     versions,
 )
-from fgnav.evaluation.report.sections.inertial import allan_blocks
 from fgnav.evaluation.report.sections.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.sections.receivers import receiver_blocks
-from fgnav.evaluation.report.sections.signals import residual_blocks, sky_charts
+from fgnav.evaluation.report.sections.signals import sky_charts
 from fgnav.evaluation.report.summary import method_table, remarks
 from fgnav.types.flight import Flight
 
@@ -56,14 +55,10 @@ def comparison_report(
         ("sigmas", "Stated uncertainty", sigma_charts(flight, solved, time)),
         ("receivers", "Residuals of fixes and baselines", receiver_blocks(flight, solved, time)),
         ("sky", "Sky and signals", sky_charts(flight, time)),
-        ("residuals", "Residuals by satellite", residual_blocks(flight, comparison, time)),
-        ("quality", "Quality of answers", quality_strips(flight, solved, time)),
         ("integers", "Integers", integer_blocks(flight, comparison, time)),
         ("exclusions", "Gaps and exclusions", gaps_and_exclusions(flight, comparison.methods)),
         ("consistency", "Consistency", consistency_blocks(solved, time)),
-        ("separation", "Forward against smoother", separation_blocks(solved, time)),
         ("constants", "Rates, biases and calibration parameters", constants),
-        ("allan", "Allan deviation of the inertial unit", allan_blocks(flight)),
         ("set-up", "Set-up as read", set_up(flight) + toml),
         ("versions", "Versions and seeds", paragraph(seeds) + versions()),
     )

@@ -14,7 +14,7 @@ from fgnav.evaluation.report.charts import Chart, styles_of
 from fgnav.evaluation.report.contents import comparison_report
 from fgnav.evaluation.report.flights import flights_report
 from fgnav.evaluation.report.parts import Report
-from fgnav.io.atomic_write import atomic_file, check_place, write_text
+from fgnav.io.atomic_write import atomic_file, check_folder, made_folder, write_text
 from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
@@ -30,7 +30,7 @@ def check_report(path: Path | None) -> None:
     Raises
     ------
     BadInputError
-        If its suffix is of no format, or its folder is absent.
+        If its suffix is of no format, or its folder cannot be made.
     """
     if path is None:
         return
@@ -38,7 +38,9 @@ def check_report(path: Path | None) -> None:
         raise BadInputError(
             f"{path}: a report is HTML, PNG or PDF; end its name in .html, .png or .pdf"
         )
-    check_place(path)
+    if path.is_dir():
+        raise BadInputError(f"{path}: is a folder; name a file")
+    check_folder(path.parent)
 
 
 def save_report(
@@ -78,6 +80,7 @@ def save_flights_report(comparison: FlightsComparison, path: Path | None) -> lis
 def write(report: Report, path: Path) -> list[Path]:
     """Write a report in the format that the name of its file says; return its files."""
     check_report(path)
+    made_folder(path.parent)
     match path.suffix.lower():
         case ".html":
             write_text(path, page(report))

@@ -26,7 +26,7 @@ class _Head(msgspec.Struct, kw_only=True):
     start_gps_s: float
     origin: Origin
     method: str
-    epochs: int
+    n_epochs: int
     converged: bool
     unobservable: tuple[str, ...]
     notes: tuple[str, ...]

@@ -24,7 +24,7 @@ from fgnav.io.flight.columns import (
     stated_sigma,
 )
 from fgnav.io.flight.toml import BaselineTable
-from fgnav.io.flight.usual_noise import BASELINE_SIGMA_M
+from fgnav.types.instruments import USUAL_BASELINE_SIGMA_M
 from fgnav.types.receiver import Baseline, Fixes, Measured
 
 _VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geometry
@@ -95,7 +95,7 @@ def _of_vector(
     vector = columns_to_vectors(samples, BASELINE)
     sigma = stated_sigma(where, samples, POSITION_SIGMA)
     if sigma is None:
-        sigma = np.tile(np.array(BASELINE_SIGMA_M), (len(vector), 1))
+        sigma = np.tile(np.array(USUAL_BASELINE_SIGMA_M), (len(vector), 1))
     P: FloatArray = sigma[:, None] ** 2 * np.eye(3)
     if BASELINE_COVARIANCE[0] in samples:
         i, j = np.triu_indices(3, k=1)
@@ -116,7 +116,7 @@ def _of_angles(
         return None if stated is None else stated[:, 0]
 
     of_heading, of_pitch, of_length = map(sigma, (HEADING_SIGMA, PITCH_SIGMA, LENGTH_SIGMA))
-    east_m = BASELINE_SIGMA_M[1] + none
+    east_m = USUAL_BASELINE_SIGMA_M[1] + none
     across_m = east_m if of_heading is None else length_m * np.radians(of_heading)
     down_m = _VERTICAL * across_m if of_pitch is None else length_m * np.radians(of_pitch)
     if PITCH[0] not in samples:

@@ -10,7 +10,7 @@ from fgnav.checks import BadInputError, Loss, losses_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
-from fgnav.io.flight import networks, usual_noise
+from fgnav.io.flight import networks
 from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.keys import values_of
@@ -22,6 +22,7 @@ from fgnav.io.rinex.writer import RinexVersion
 from fgnav.io.sp3.reader import read_precise
 from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import Antenna, Base, Flight, GnssNoise, InitialAttitude
+from fgnav.types.instruments import filled
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
@@ -238,4 +239,4 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         "doppler_mps": gnss.doppler_noise_mps,
     }
     usual = {name: getattr(GnssNoise(), name) for name in stated}
-    return GnssNoise(**usual_noise.filled(stated, usual), **values_of(gnss, GnssNoise))
+    return GnssNoise(**filled(stated, usual), **values_of(gnss, GnssNoise))

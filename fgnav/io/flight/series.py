@@ -11,7 +11,6 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
-from fgnav.io.flight import usual_noise
 from fgnav.io.flight.baselines import baseline_blocks, baseline_of
 from fgnav.io.flight.columns import (
     BASELINE_GROUPS,
@@ -45,6 +44,11 @@ from fgnav.io.flight.local_frame import (
 from fgnav.io.flight.toml import FORWARD_RIGHT_DOWN, ImuTable, TruthTable
 from fgnav.io.tables import read_table
 from fgnav.types.flight import Baseline, Fixes, Imu, Photodetector, Truth
+from fgnav.types.instruments import (
+    USUAL_POSITION_SIGMA_M,
+    USUAL_VELOCITY_SIGMA_MPS,
+    imu_noise,
+)
 from fgnav.types.surroundings import Barometer, Magnetometer
 
 _Fields = Mapping[str, tuple[str, ...]]  # columns by a record's field
@@ -154,7 +158,7 @@ def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  #
         f_b_mps2=values["f_b_mps2"] @ R_bu.T,
         w_b_radps=None if w_u_radps is None else w_u_radps @ R_bu.T,
         position_b_m=np.array(keys.position_b_m),
-        **usual_noise.imu_noise(keys, gyroscope=w_u_radps is not None),
+        **imu_noise(keys, gyroscope=w_u_radps is not None),
     )
 
 
@@ -200,8 +204,8 @@ def _fixes(values: Any, keys: Any, _at: Surroundings, _file: Path) -> Fixes:  # 
     """Return fixes; standard deviations stay as they are, since the axes differ by 0.02 deg."""
     unstated = []
     for name, sigma, usual in (
-        ("position", "position_sigma_m", usual_noise.POSITION_SIGMA_M),
-        ("velocity", "velocity_sigma_mps", usual_noise.VELOCITY_SIGMA_MPS),
+        ("position", "position_sigma_m", USUAL_POSITION_SIGMA_M),
+        ("velocity", "velocity_sigma_mps", USUAL_VELOCITY_SIGMA_MPS),
     ):
         if values[sigma] is None:
             unstated.append(name)

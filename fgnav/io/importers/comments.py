@@ -1,8 +1,8 @@
 """What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
 
 from fgnav.io.flight.columns import RATE
-from fgnav.io.flight.usual_noise import IMU, imu_noise
 from fgnav.io.importers.assemble import Assembled
+from fgnav.types.instruments import USUAL_IMU_NOISE, imu_noise
 
 _MEANING = {
     "start": "GPS time of t_s = 0 of all tables; leap seconds are not counted.",
@@ -51,7 +51,7 @@ def comments(assembled: Assembled) -> dict[str, str]:
         gyroscope = RATE[0] in assembled.samples[table.imu.samples]
         if unstated := imu_noise(table.imu, gyroscope=gyroscope)["unstated"]:
             text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
-            usual = [f"{name} = {IMU[name]}" for name in unstated]
+            usual = [f"{name} = {USUAL_IMU_NOISE[name]}" for name in unstated]
             by_key["imu.noise"] = "\n".join([text, *usual])
     if any(one.observations for one in table.antenna):
         by_key["gnss.base"] = _MISSING["base"]

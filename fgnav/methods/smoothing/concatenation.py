@@ -37,7 +37,7 @@ def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) ->
     return replace(
         last,
         **arrays,
-        epochs=epochs,
+        n_epochs=epochs,
         converged=converged,
         losses=losses,
         verdicts=verdicts,

@@ -67,7 +67,7 @@ def estimate_of(
     rows = rows[~refused[rows]]
     return replace(
         stated_at(name, prepared, problem, solution[rows], rows),
-        epochs=epochs,
+        n_epochs=epochs,
         unobservable=open_states,
         integers=prepared.integers,
         arcs=prepared.arcs,
@@ -142,7 +142,7 @@ def stated(
     return Estimate(
         method=name,
         t_s=t_s,
-        epochs=len(t_s),
+        n_epochs=len(t_s),
         R_nb=solution.states.R_nb,
         attitude_covariance_rad2=solution.covariance[:, :3, :3],
         p_n_m=motion.p_n_m,

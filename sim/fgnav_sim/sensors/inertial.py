@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, Loss
-from fgnav.io.flight.usual_noise import IMU
 from fgnav.types.flight import Imu
+from fgnav.types.instruments import USUAL_IMU_NOISE
 from fgnav_sim.gauss_markov import flicker
 from fgnav_sim.scenario import ImuTable, Scenario
 
@@ -36,7 +36,7 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
         f_b_mps2=_measured(sensor, "accelerometer", "mps2", f_b_mps2, rng=accelerometer_rng),
         w_b_radps=measured_b_radps,
         position_b_m=lever_b_m,
-        **{name: getattr(sensor, name) for name in IMU},
+        **{name: getattr(sensor, name) for name in USUAL_IMU_NOISE},
     )
 
 

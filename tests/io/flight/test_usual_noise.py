@@ -2,8 +2,8 @@
 
 import re
 
-from fgnav.io.flight import usual_noise
 from fgnav.io.flight.folder import load_flight, save_flight
+from fgnav.types.instruments import USUAL_IMU_NOISE
 from tests.methods.simulated import flown
 
 
@@ -14,7 +14,7 @@ def test_noise_left_out_is_the_usual_and_stays_left_out_when_written_again(tmp_p
     silent = load_flight(tmp_path / "flight")
     assert "accelerometer_noise_mps2_per_sqrt_hz" in silent.imu.unstated
     assert "gyroscope_noise_radps_per_sqrt_hz" not in silent.imu.unstated  # there is none
-    usual = usual_noise.IMU["accelerometer_noise_mps2_per_sqrt_hz"]
+    usual = USUAL_IMU_NOISE["accelerometer_noise_mps2_per_sqrt_hz"]
     assert silent.imu.accelerometer_noise_mps2_per_sqrt_hz == usual
     assert silent.gnss_noise.unstated == ("code_m", "phase_m", "doppler_mps")
     save_flight(silent, tmp_path / "again")

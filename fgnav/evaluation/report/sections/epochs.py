@@ -1,13 +1,12 @@
-"""Epoch by epoch: of what quality answers are, and what became of the integers."""
+"""Epoch by epoch: what became of the integers."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import IntArray
 from fgnav.evaluation.comparison import Comparison, Method
-from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.report.charts import (
     FAIR,
     GOOD,
@@ -21,69 +20,14 @@ from fgnav.evaluation.report.charts import (
     time_charts,
 )
 from fgnav.evaluation.report.parts import NONE, Blocks, grid, table
-from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 
 # From the worst: a cell of several epochs shows the first that occurs.
-_QUALITY = {"no answer": WRONG, "no GNSS": POOR, "no integers": FAIR, "integers fixed": GOOD}
 _OUTCOMES = {"wrong": WRONG, "float": POOR, "refused": FAIR, "fixed": GOOD}
 _WORST = ": the worst of what a cell holds"
 _CELLS = 300
 _MOST_ARCS = 20
-_NEAR = 0.75  # usual intervals: epochs that follow each other have none further away than a half
-
-
-def quality_strips(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
-    """Return a row for each method: integers, none, no GNSS at all, or no answer."""
-    edges_s = np.linspace(*time, _CELLS + 1)
-    rows = {
-        method.name: _worst(method.estimate.t_s, _flags(flight, method.estimate), edges_s)
-        for method in methods
-        if method.estimate is not None and len(method.estimate.t_s)
-    }
-    title = f"quality of answers{_WORST}"
-    return grid([cells_chart(title, rows, edges_s, _QUALITY, time)] if rows else [])
-
-
-def _flags(flight: Flight, estimate: Estimate) -> IntArray:
-    """Return the place in ``_QUALITY`` of each answer, (n,)."""
-    times = [np.zeros(0), *(one.t_s for one in flight.fixes)]
-    observations, integers = flight.observations, estimate.integers
-    if observations is not None:
-        times.append(observations.t_s[np.isfinite(observations.code_m).any(axis=(1, 2))])
-    flags: IntArray = np.where(_near(estimate.t_s, np.unique(np.concatenate(times))), 2, 1)
-    if integers is not None and observations is not None:
-        answers, rows = common_epochs(estimate.t_s, observations.t_s)
-        if len(integers.fixed) == len(observations.t_s):
-            flags[answers[integers.fixed[rows].any(axis=(1, 2))]] = 3
-    return flags
-
-
-def _worst(t_s: FloatArray, flags: IntArray, edges_s: FloatArray) -> IntArray:
-    """Return the worst flag in each cell, 0 where answers are missing; the nearest of none."""
-    usual_s = float(np.median(np.diff(t_s))) if len(t_s) > 1 else float(np.diff(edges_s)[0])
-    expected_s = np.arange(edges_s[0], edges_s[-1], usual_s)
-    missing_s = expected_s[~_near(expected_s, t_s)]
-    times_s = np.concatenate([t_s, missing_s])
-    order = np.argsort(times_s)
-    kinds = np.concatenate([flags, np.zeros(len(missing_s), np.int64)])[order]
-    times_s, middle_s = times_s[order], (edges_s[:-1] + edges_s[1:]) / 2
-    nearest = np.rint(np.interp(middle_s, times_s, np.arange(len(times_s))))
-    worst: IntArray = kinds[nearest.astype(np.int64)]
-    cell = (np.searchsorted(edges_s, times_s, side="right") - 1).clip(0, len(worst) - 1)
-    worst[np.unique(cell)] = len(_QUALITY) - 1
-    np.minimum.at(worst, cell, kinds)
-    return worst
-
-
-def _near(t_s: FloatArray, of_s: FloatArray) -> BoolArray:
-    """Return whether times are as near to one of some epochs as these are to each other."""
-    if len(of_s) < 2:
-        return np.asarray(np.isin(t_s, of_s))
-    after = np.searchsorted(of_s, t_s).clip(1, len(of_s) - 1)
-    away_s = np.minimum(np.abs(t_s - of_s[after - 1]), np.abs(t_s - of_s[after]))
-    return np.asarray(away_s <= _NEAR * np.median(np.diff(of_s)))
 
 
 def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:

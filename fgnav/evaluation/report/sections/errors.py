@@ -10,7 +10,6 @@ from fgnav.attitude.baseline_angles import baseline_angles, reported_baselines
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Method
-from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.report.charts import Line, Series, Span, around_zero, is_rough, time_charts
 from fgnav.evaluation.report.parts import Blocks, folded, grid, paragraph, table
 from fgnav.evaluation.scores import EULER, hidden, open_heading_spans_s
@@ -32,22 +31,15 @@ class _Quantity(NamedTuple):
     name: str
     unit: str
     errors: str
-    covariance: str
+    sigma: str
     components: Sequence[str] = NORTH_EAST_DOWN
 
 
 _QUANTITIES = (
-    _Quantity("attitude", "deg", "euler_rad", "", EULER),
-    _Quantity("position", "m", "position_n_m", "position_covariance_m2"),
-    _Quantity("velocity", "m/s", "velocity_n_mps", "velocity_covariance_m2ps2"),
+    _Quantity("attitude", "deg", "euler_deg", "sigma_deg", EULER),
+    _Quantity("position", "m", "position_n_m", "position_sigma_m"),
+    _Quantity("velocity", "m/s", "velocity_n_mps", "velocity_sigma_mps"),
 )
-
-
-def sigmas(covariance: FloatArray | None) -> FloatArray | None:
-    """Return the standard deviations (n, 3) of covariances (n, 3, 3)."""
-    if covariance is None:
-        return None
-    return np.asarray(np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)))
 
 
 def error_charts(methods: Sequence[Method], time: Span) -> Blocks:
@@ -75,20 +67,12 @@ def _errors(method: Method, of: _Quantity) -> Series:
     values = None if errors is None else getattr(errors, of.errors)
     if estimate is None or errors is None or values is None or of.name in hidden(estimate):
         return
-    scale = 1.0 if of.covariance else 180 / np.pi
-    sigma, rows = _stated_sigma(estimate, of), common_epochs(estimate.t_s, errors.t_s)[0]
+    sigma = getattr(errors, of.sigma)
     for k, name in enumerate(of.components):
-        title = f"error of {f'{of.name} ' if of.covariance else ''}{name}"
-        half = None if sigma is None else _SIGMAS * sigma[rows, k]
-        line = Line(method.name, errors.t_s, scale * values[:, k], half=half, is_around_zero=True)
+        title = f"error of {'' if of.name == 'attitude' else f'{of.name} '}{name}"
+        half = None if sigma is None or name in hidden(estimate) else _SIGMAS * sigma[:, k]
+        line = Line(method.name, errors.t_s, values[:, k], half=half, is_around_zero=True)
         yield title, f"error, {of.unit}", replace(line, dots=is_rough(values))
-
-
-def _stated_sigma(estimate: Estimate, of: _Quantity) -> FloatArray | None:
-    """Return 1-sigma as stated, (n, 3), in the unit shown; NaN of what is unobservable."""
-    values = sigmas(getattr(estimate, of.covariance)) if of.covariance else estimate.sigma_deg
-    lost = [bool({of.name, name} & hidden(estimate)) for name in of.components]
-    return None if values is None else np.where(lost, np.nan, values)
 
 
 def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
@@ -114,9 +98,10 @@ def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Block
 def _sigmas(flight: Flight, estimate: Estimate) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield name, unit and 1-sigma, (n,), of what an estimate states."""
     for of in _QUANTITIES:
-        if (values := _stated_sigma(estimate, of)) is not None:
-            for name, component in zip(of.components, values.T, strict=True):
-                yield f"{of.name} {name}" if of.covariance else name, of.unit, component
+        values = getattr(estimate, of.sigma)
+        for k, name in enumerate(of.components if values is not None else ()):
+            if not {of.name, name} & hidden(estimate):
+                yield name if of.name == "attitude" else f"{of.name} {name}", of.unit, values[:, k]
     for name, unit_b in reported_baselines(flight).items():
         if (sigma_rad := baseline_angles(estimate, unit_b).sigma_rad) is not None:
             for angle, component in zip(("azimuth", "elevation"), sigma_rad.T, strict=True):

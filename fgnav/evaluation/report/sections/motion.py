@@ -21,9 +21,10 @@ from fgnav.evaluation.report.charts import (
     unjumped_deg,
 )
 from fgnav.evaluation.report.parts import Blocks, grid, paragraph
-from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN, sigmas
+from fgnav.evaluation.report.sections.errors import NORTH_EAST_DOWN
 from fgnav.evaluation.scores import EULER, hidden
 from fgnav.geometry.rotations import log, to_euler, transpose
+from fgnav.types.estimate import sigmas
 from fgnav.types.flight import Flight
 
 _TRACK = 2000  # points of a ground track

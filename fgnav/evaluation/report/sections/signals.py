@@ -1,17 +1,10 @@
-"""The sky over the flight, how strong satellites were received, and what methods leave of them."""
+"""The sky over the flight, and how strong satellites were received."""
 
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Iterator
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
-from fgnav.evaluation.comparison import Comparison
-from fgnav.evaluation.internal_consistency.residuals import (
-    Residuals,
-    antenna_residuals,
-    array_phase_residuals,
-)
+from fgnav.checks import BoolArray, IntArray
 from fgnav.evaluation.report.charts import (
     CN0_COLOURS,
     INK_LINE,
@@ -23,27 +16,14 @@ from fgnav.evaluation.report.charts import (
     cells_chart,
     cells_of,
 )
-from fgnav.evaluation.report.parts import Blocks, folded, grid, number, paragraph, table
-from fgnav.evaluation.scores import EULER, finite_mean, hidden
-from fgnav.gnss.undifferenced import Undifferenced, undifferenced
-from fgnav.types.estimate import Estimate
+from fgnav.evaluation.report.parts import Blocks, grid
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
-# Method, times (n,), channels, and values (n, channels).
-_Channels = tuple[str, FloatArray, Sequence[str], FloatArray]
-_EXPLANATION = (
-    "RMS in cells of time. The array's phase less what the attitude makes of it, whole cycles "
-    "taken off, over all baselines; code and phase of the first antenna less what the position "
-    "makes of them, clocks of each epoch and a constant of each arc of phase taken off: errors of "
-    "the position, of orbits and of the atmosphere that drift within an arc stay in. A row is cut "
-    "at its upper edge."
-)
 _POINTS = 60  # of a satellite's way
 _CELLS = 240  # of a row of carrier-to-noise densities
 _LEVELS_DBHZ = (25.0, 30.0, 35.0, 40.0, 45.0)  # between colours
 _MOST = 56  # rows of a figure
-_CHANNELS = 28  # those of residuals
 
 
 def sky_charts(flight: Flight, time: Span) -> Blocks:
@@ -106,94 +86,3 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
 def _tracked(observations: Observations) -> BoolArray:
     """Return which channels any antenna measured, (n, m)."""
     return np.asarray(np.isfinite(observations.code_m).any(axis=1))
-
-
-def channel_charts(title: str, unit: str, series: Sequence[_Channels], time: Span) -> list[Chart]:
-    """Return RMS in cells of time, a row for each channel, all on one scale."""
-    edges_s = np.linspace(*time, 91)
-    middle_s = np.append((edges_s[:-1] + edges_s[1:]) / 2, np.nan)
-    means = [(of, _rms_in_cells(t_s, y, edges_s), names) for of, t_s, names, y in series]
-    columns = [
-        (name, column) for _, y, names in means for name, column in zip(names, y.T, strict=True)
-    ]
-    channels = sorted({name for name, column in columns if np.isfinite(column).any()})
-    sizes = [float(np.nanpercentile(y, 99.0)) for _, y, _ in means if np.isfinite(y).any()]
-    full = float(np.median(sizes or [1.0])) or 1.0
-    charts = []
-    for first in range(0, len(channels), _CHANNELS):
-        rows = channels[first : first + _CHANNELS]
-        lines = []
-        for of, y, names in means:
-            parts = dict(zip(names, (y.T / full).clip(None, 1), strict=True))
-            heights = [
-                np.append(k + 0.45 - 0.9 * parts[name], np.nan)
-                for k, name in enumerate(rows)
-                if name in parts
-            ]
-            if heights:
-                lines.append(Line(of, np.tile(middle_s, len(heights)), np.concatenate(heights)))
-        named = f"{title}: RMS, {unit}; row height {full:.3g} {unit}"
-        height = 30 + 13.0 * len(rows)
-        charts.append(Chart(named, lines=lines, rows=rows, x_limits=time, height=height))
-    return charts
-
-
-def _rms_in_cells(t_s: FloatArray, values: FloatArray, edges_s: FloatArray) -> FloatArray:
-    """Return root mean squares in cells of time, (c, m); NaN in a cell without a value."""
-    count = len(edges_s) - 1
-    cell = (np.searchsorted(edges_s, t_s, side="right") - 1).clip(0, count - 1)
-    total, number = np.zeros((2, count, values.shape[1]))
-    np.add.at(total, cell, np.nan_to_num(values) ** 2)
-    np.add.at(number, cell, np.isfinite(values))
-    return np.asarray(np.sqrt(total / np.where(number > 0, number, np.nan)))
-
-
-def residual_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks:
-    """Return rows and tables of residuals by satellite; empty without observations."""
-    differences, observed = comparison.double_differences, _observed(flight)
-
-    def of_array(estimate: Estimate) -> Residuals | None:
-        if differences is None or hidden(estimate) & set(EULER):
-            return None
-        return array_phase_residuals(differences, estimate)
-
-    def of_antenna(estimate: Estimate, *, of_phase: bool) -> Residuals | None:
-        if observed is None or "position" in hidden(estimate):
-            return None
-        arm_b_m = flight.antennas[0].position_b_m
-        return antenna_residuals(observed, estimate, arm_b_m, of_phase=of_phase)
-
-    charts, tables = [], []
-    for title, unit, scale, residuals in (
-        ("phase of the array", "mm", 1e3, of_array),
-        ("code of the first antenna", "m", 1.0, partial(of_antenna, of_phase=False)),
-        ("phase of the first antenna", "mm", 1e3, partial(of_antenna, of_phase=True)),
-    ):
-        series = [
-            (method.name, left.t_s, left.channels, scale * left.value_m)
-            for method in comparison.solved
-            if method.estimate is not None and (left := residuals(method.estimate)) is not None
-        ]
-        charts += channel_charts(title, unit, series, time)
-        tables += _table(title, unit, series)
-    by_satellite = folded("RMS by satellite and method", tables)
-    return paragraph(_EXPLANATION) + grid(charts) + by_satellite if charts else []
-
-
-def _observed(flight: Flight) -> Undifferenced | None:
-    try:
-        return None if flight.observations is None else undifferenced(flight)
-    except NoSolutionError:  # too few satellites: then no method has a position by them either
-        return None
-
-
-def _table(title: str, unit: str, series: Sequence[_Channels]) -> Blocks:
-    """Return the RMS of each channel and method."""
-    rms: dict[str, dict[str, float]] = {}
-    for of, _, channels, values in series:
-        for name, value in zip(channels, np.sqrt(finite_mean(values**2, 0)).tolist(), strict=True):
-            if np.isfinite(value):
-                rms.setdefault(name, {})[of] = value
-    heads = ["channel", *(f"{of}, {unit}" for of, *_ in series)]
-    rows = ([name, *(number(rms[name].get(of)) for of, *_ in series)] for name in sorted(rms))
-    return table(heads, rows, title)
