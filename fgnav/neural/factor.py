@@ -27,7 +27,7 @@ _SAME = 1e-6  # of an interval: times of keyframes are rounded
 _USED_TWICE = ("magnetometer", "barometer", "position", "velocity")
 
 
-class Asked(NamedTuple):
+class Queries(NamedTuple):
     """What a network is asked about some keyframes."""
 
     rows: IntArray  # (k, 2): keyframes where the answer begins, -1 but of displacements, and ends
@@ -242,34 +242,34 @@ class NeuralFactor:
         lost: dict[str, int] = {}
         factors = [
             factor
-            for asked in self._asked(have, timeline, lost, flight)
-            for factor in self.factors_of(asked, self._network(asked.inputs))
+            for queries in self._queries(have, timeline, lost, flight)
+            for factor in self.factors_of(queries, self._network(queries.inputs))
         ]
         return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
 
-    def asked(self, flight: Flight, timeline: Timeline) -> list[Asked]:
+    def queries(self, flight: Flight, timeline: Timeline) -> list[Queries]:
         """Return what the network is asked about a flight's keyframes; errors as of a call."""
         self._last_s = -np.inf
         have = {**of_flight(flight), **self._given}
-        return list(self._asked(have, timeline, {}, flight.name))
+        return list(self._queries(have, timeline, {}, flight.name))
 
-    def factors_of(self, asked: Asked, answers: Answers) -> list[NamedFactor]:
+    def factors_of(self, queries: Queries, answers: Answers) -> list[NamedFactor]:
         """Return the factors of answers."""
         output = self._network.manifest.output
         return [
-            factor_of(self.name, output, (first, last), value, covariance, asked.counted)
+            factor_of(self.name, output, (first, last), value, covariance, queries.counted)
             for (first, last), value, covariance in zip(
-                asked.rows.tolist(), answers.value, answers.covariance, strict=True
+                queries.rows.tolist(), answers.value, answers.covariance, strict=True
             )
         ]
 
-    def _asked(
+    def _queries(
         self,
         have: Mapping[str, Record],
         timeline: Timeline,
         lost: dict[str, int],
         flight: str | None,
-    ) -> Iterator[Asked]:
+    ) -> Iterator[Queries]:
         """Yield what the network is asked, so many keyframes at once; count what it is not."""
         records, t_s = self._records(have, flight), timeline.t_s
         output = self._network.manifest.output
@@ -283,7 +283,7 @@ class NeuralFactor:
                 lost[reason] = lost.get(reason, 0) + int(which.sum())
             chosen, begin = self._chosen(seen, t_s, rows, lost)
             both = np.stack([begin[chosen], rows[chosen]], axis=1)
-            yield Asked(both, tuple(x[chosen] for x in seen.inputs), counted)
+            yield Queries(both, tuple(x[chosen] for x in seen.inputs), counted)
 
     def _losses(self, lost: Mapping[str, int]) -> tuple[Loss, ...]:
         return losses_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
