@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.alignment.alignment import OF_FORM, Alignment, Rows
-from fgnav.alignment.array.adaptation import AdaptedArray, adapted
 from fgnav.alignment.array.pivot import View, pivot_losses, pivot_notes, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.in_motion.attitudes import carried_attitudes
@@ -23,6 +22,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
 from fgnav.gravity import GravityDirection
 from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.validation import ValidatedArray, validated
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers, Resolver
@@ -69,7 +69,7 @@ class ArrayPhases(NamedTuple):
 
     differences: DoubleDifferences
     integers: Integers
-    clean: AdaptedArray
+    clean: ValidatedArray
 
 
 def array_phases(
@@ -96,7 +96,7 @@ def array_phases(
             phases.append(None)  # then these epochs stay without
             continue
         names = tuple(antenna.name for antenna in view.flight.antennas)
-        clean = adapted(differences, integers, names, false_alarm, causal=causal)
+        clean = validated(differences, integers, names, false_alarm, causal=causal)
         phases.append(ArrayPhases(differences, integers, clean))
     return tuple(phases)
 
@@ -178,7 +178,7 @@ def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment
         covariance_rad2=attitude.covariance_rad2,
         valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
         form=clean.form,
-        integers=replace(clean.integers, evidence=clean.evidence, source=clean.source),
+        integers=clean.integers,
         refused=clean.refused,
         losses=(*differences.losses, *integers.losses),
         rejections=clean.rejections,

@@ -78,11 +78,11 @@ def build_problem(
     stands = standing(stage.record, track.t_s, track.antenna, causal=stage.causal)
     rest = Rest.of(stands, track.t_s, causal=stage.causal)
     v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
-    found = instruments(flight, stage, track, v_n_mps, stands)
+    others = instruments(flight, stage, track, v_n_mps, stands)
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
     requested = (*requested, *of_tags(settings.calibration, flight))
-    constants = _constants(requested, stage, found, flight.photodetector)
+    constants = _constants(requested, stage, others, flight.photodetector)
     multipath, multipath_notes = _multipath(stage, requested)
     motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
     motion = resting_motion(motion, stage.record.imu, rest, settings.at_rest)
@@ -96,7 +96,7 @@ def build_problem(
         earlier=None if earlier is None else earlier.arcs,
     )
     antennas = _antennas(flight, stage, track, requested, (multipath, timed))
-    sensors = _bound((*antennas, *found.sensors), constants, timed)
+    sensors = _bound((*antennas, *others.sensors), constants, timed)
     problem = Problem(
         t_s=track.t_s,
         start=_start(stage, track, constants, turning, motion.aux),
@@ -108,7 +108,7 @@ def build_problem(
         phase=phases.phase,
         rate_known=turning is not None,
     )
-    parts = (stage.start, stage, track.antenna, track, found, phases, stage.float_arcs)
+    parts = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
     notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
     return PreparedFlight(
         problem=until_motion(problem, stage, track, flight.initial),
@@ -203,14 +203,14 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 def _constants(
     requested: tuple[FlightConstant, ...],
     stage: Aligned,
-    found: Instruments,
+    others: Instruments,
     photodetector: Photodetector | None,
 ) -> Constants:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
-    parts = with_evidence(requested, sight=found.is_landmark_seen)
-    if found.is_landmark_seen and photodetector is not None:
+    parts = with_evidence(requested, sight=others.is_landmark_seen)
+    if others.is_landmark_seen and photodetector is not None:
         parts = with_landmark(parts, photodetector.landmark_n_m)
-    parts = (*parts, *found.constants)
+    parts = (*parts, *others.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())
     return Constants((*parts, *stage.float_arcs.constants))

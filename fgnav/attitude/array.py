@@ -166,8 +166,10 @@ def maximum_likelihood(
            [ 0.,  0.,  1.]])
     """
     if R_nb_start is None:
-        R_nb_start = rotations.nearest(quadratic.unconstrained())
-    R_nb, settled = _restarted(quadratic, *_descend(quadratic, R_nb_start))
+        R_nb, settled = _descend(quadratic, rotations.nearest(quadratic.unconstrained()))
+        R_nb, settled = _restarted(quadratic, R_nb, settled)
+    else:
+        R_nb, settled = _descend(quadratic, R_nb_start)
     covariance, is_open, axes = _bounded_inverse(
         quadratic.information_at(R_nb), open_variance_rad2=open_angle_variance_rad2()
     )

@@ -115,6 +115,13 @@ class RotationQuadratic:
             count=self.count[epochs],
         )
 
+    def with_rows(self, rows: IntArray, part: "RotationQuadratic") -> "RotationQuadratic":
+        """Return the form, that of some epochs, (k,), replaced."""
+        out = self[np.arange(len(self.count))]
+        for name in ("information", "vector", "constant", "count"):
+            getattr(out, name)[rows] = getattr(part, name)
+        return out
+
     def with_variance_factor(self, factor: float | FloatArray) -> "RotationQuadratic":
         """Return the form with all variances multiplied by a factor, or one of each epoch, (n,)."""
         factor = np.broadcast_to(factor, self.constant.shape)

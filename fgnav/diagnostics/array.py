@@ -15,6 +15,7 @@ from fgnav.photodetector import line_of_sight
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Fixes, Flight, Imu, Photodetector
 
+_SURE = 0.999  # of right integers; their search needs no shape of the array, which may be wrong
 _MIN_EPOCHS, _MIN_SIGHTS = 20, 10
 _BETTER = 0.5  # share of the squares that another set-up leaves at most
 _RATE_SPAN_S, _RATE_RATIO = 0.4, 10.0  # of rates; variance of their changes over their noise
@@ -34,7 +35,7 @@ class ArrayAttitudes:
         NoSolutionError
             If fewer than 20 epochs have attitude, position and velocity.
         """
-        integers = Lambda()(differences, flight)
+        integers = Lambda(success_min=_SURE)(differences, flight)
         quadratic = RotationQuadratic.of_double_differences(differences, integers)
         _, attitude, _ = agreeing(quadratic)
         if attitude.unobservable():

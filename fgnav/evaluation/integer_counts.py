@@ -6,8 +6,8 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray
 from fgnav.evaluation.reference import covered, truth_at
+from fgnav.integers.acceptance import phase_links
 from fgnav.integers.resolvers.truth import true_integers
-from fgnav.integers.validation import phase_links
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Truth
 from fgnav.types.integers import Integers

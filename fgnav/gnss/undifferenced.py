@@ -22,8 +22,7 @@ from fgnav.gnss.cycle_slips.doppler import slipped
 from fgnav.gnss.signals import carriers, select, wavelengths_m
 from fgnav.gnss.single_differences import SingleDifferences, motion_so_far
 from fgnav.gnss.single_point.adjustment import growing
-from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
-from fgnav.gnss.single_point.model import CodeChannels, code_channels
+from fgnav.gnss.single_point.model import CodeChannels
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gnss.undifferenced_residuals import (
     Residuals,
@@ -91,14 +90,13 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     p_e_m, v_e_mps = motion_so_far(flight, observations.t_s)
     late_s = _late_s(flight, observations)
     received_e_m = p_e_m + v_e_mps * late_s[:, None]
-    modelled = atmosphere_so_far(flight, observations, code_channels(observations, 0, causal=True))
     rows = np.arange(len(observations.t_s))
-    ours = residuals(flight, observations, channels, rows, received_e_m, modelled)
+    ours = residuals(flight, observations, channels, rows, received_e_m)
     noise = flight.gnss_noise
     share = np.ones(len(observations.t_s))
     flags = observations.lock_flags[:, 0][:, channels.column]
     if base and flight.base is not None:
-        theirs, flags_of_base = residuals_of_base(flight, observations.t_s, names, modelled)
+        theirs, flags_of_base = residuals_of_base(flight, observations.t_s, names)
         away_m = np.linalg.norm(p_e_m - flight.base.position_e_m, axis=1)[:, None]
         apart_m = _SPATIAL * away_m / np.sin(ours.elevation_rad).clip(0.1)
         of_links = np.fmin.reduce(_SPATIAL * away_m / ours.error_m, axis=1, initial=1.0)
@@ -115,12 +113,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     group = carriers(channels.satellites, channels.signals)
     phase_sigma_m = receivers * growing(noise, noise.phase_m, elevation_rad)
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
-    changed = np.tile(np.diff(modelled, prepend=modelled[:1])[:, None], (1, len(names)))
-    if base and changed.any():
-        k = np.flatnonzero(changed[:, 0])
-        steps_m = _steps_of_models(flight, observations, channels, k, received_e_m[k])
-        changed[k] = np.abs(steps_m) > phase_sigma_m[k]
-    flags = np.where(changed, flags | LOST_LOCK, flags)
     arc, losses = _arcs(flight, observations, channels, ours, flags, (phase_sigma_m, group))
     return Undifferenced(
         t_s=observations.t_s,
@@ -142,31 +134,6 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         pole_n=flight.origin.R_ne[:, 2] if noise.wind_up else None,
         losses=losses,
     )
-
-
-def _steps_of_models(
-    flight: Flight,
-    observations: Observations,
-    channels: CodeChannels,
-    rows: IntArray,
-    p_e_m: FloatArray,
-) -> FloatArray:
-    """Return how models of the atmosphere change differences to the base at rows, (k, m).
-
-    But for what is common to an epoch, as its clock is. Near a base that is next to nothing, and
-    arcs outlive a change of models.
-    """
-    names = list(zip(channels.satellites, channels.signals, strict=True))
-    phases_m = []
-    for on in (True, False):
-        modelled = np.full(len(rows), on)
-        ours = residuals(flight, observations, channels, rows, p_e_m, modelled)
-        theirs, _ = residuals_of_base(flight, observations.t_s[rows], names, modelled)
-        phases_m.append(ours.phase_m - theirs.phase_m)
-    step_m = phases_m[0] - phases_m[1]
-    tracked = np.isfinite(step_m)
-    common_m = np.where(tracked, step_m, 0.0).sum(axis=1) / tracked.sum(axis=1).clip(1)
-    return np.where(tracked, step_m - common_m[:, None], 0.0)
 
 
 def _refused(flight: Flight, observations: Observations, satellites: tuple[str, ...]) -> BoolArray:

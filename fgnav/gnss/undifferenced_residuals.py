@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.geometry.earth import C_MPS, geodetic
 from fgnav.gnss.atmosphere import saastamoinen_m
 from fgnav.gnss.orbits.satellites import angles, signal_paths
@@ -30,7 +30,7 @@ class Residuals(NamedTuple):
 
 
 def residuals_of_base(
-    flight: Flight, t_s: FloatArray, names: list[tuple[str, str]], modelled: BoolArray
+    flight: Flight, t_s: FloatArray, names: list[tuple[str, str]]
 ) -> tuple[Residuals, IntArray]:
     """Return what the base's observations leave at epochs, (n,), and its flags."""
     base = flight.base
@@ -46,7 +46,7 @@ def residuals_of_base(
     same = np.abs(base.observations.t_s[row] - t_s) < _SAME_S
     place_e_m = np.where(same[:, None], base.position_e_m, np.nan)
     channels = named_channels(names, columns)
-    residual = residuals(flight, base.observations, channels, row, place_e_m, modelled)
+    residual = residuals(flight, base.observations, channels, row, place_e_m)
     return residual, base.observations.lock_flags[row, 0][:, columns]
 
 
@@ -68,19 +68,16 @@ def residuals(
     channels: CodeChannels,
     rows: IntArray,
     p_e_m: FloatArray,
-    modelled: BoolArray,
 ) -> Residuals:
     """Return what observations of a receiver's first antenna leave at rows, (n,), and places there.
 
     Parameters
     ----------
     p_e_m : ndarray, shape (n, 3)
-    modelled : ndarray of bool, shape (n,)
-        Whether models of the atmosphere are applied.
     """
     if len(rows) > BLOCK:
         blocks = [
-            residuals(flight, observations, channels, rows[k], p_e_m[k], modelled[k])
+            residuals(flight, observations, channels, rows[k], p_e_m[k])
             for k in np.array_split(np.arange(len(rows)), -(-len(rows) // BLOCK))
         ]
         return Residuals._make(map(np.concatenate, zip(*blocks, strict=True)))
@@ -91,7 +88,7 @@ def residuals(
     seen = angles(p_e_m, paths.e_e)
     delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
     air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
-    on = modelled[:, None]
+    on = flight.gnss_noise.atmosphere
     air_m, ions_m = on * air_m, on * (delay_m - air_m)
     usable = here[:, None] & (seen[0] >= flight.elevation_mask_rad) & (channels.column >= 0)
     flags = observations.lock_flags[rows, 0][:, channels.column]

@@ -1,87 +1,264 @@
-"""What is accepted of a search, and the account of what is not."""
+"""Detection, identification and adaptation of an array's phase [1]_.
 
-from collections.abc import Mapping
+A resolver proposes integers, epoch by epoch or arc by arc; users of the array's phases call this.
+
+- Detection: an epoch whose residuals about its best attitude fail the chi-square test, and along
+  arcs an integer other than that which the arc's epochs agree on: a slip, or a wrong one.
+- Identification: the link, of one antenna to one satellite, of the largest w-test.
+- Adaptation: a detected epoch has the integers of its arcs, as one that the resolver refused; the
+  worst link is left out until the rest passes. An epoch that does not pass is refused whole.
+
+Causal, all of that is by epochs up to each alone.
+
+References
+----------
+.. [1] P. J. G. Teunissen, "Quality control in integrated navigation systems", IEEE Aerospace and
+   Electronic Systems Magazine 5, 1990.
+"""
+
+from dataclasses import dataclass, replace
+from math import log
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.attitude.array import (
+    AttitudeSolution,
+    maximum_likelihood,
+    noise_notes,
+    searched_again,
+)
+from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.integers.arcs.consensus import arc_consensus
+from fgnav.integers.arcs.reported import APART_S
+from fgnav.integers.identification import Residuals, exclude_links, w_tests
 from fgnav.types.differences import DoubleDifferences
+from fgnav.types.estimate import Rejected
+from fgnav.types.integers import Integers, fixed_ranges_m
 
-HANDED_OVER = "epoch's trust"  # of a loss: an epoch that a network leaves to another resolver
-WITHOUT_CODE = "phase without code"
-
-_SMALLEST_NORM = 1e-30  # noise-free data can hit the float solution exactly: the ratio stays finite
-
-
-def ratio(squared_norms: FloatArray) -> FloatArray:
-    """Return second-best over best squared norm, (n, b), of (n, b, 2); NaN stays NaN."""
-    return np.asarray(squared_norms[..., 1] / np.maximum(squared_norms[..., 0], _SMALLEST_NORM))
+_ROUNDS = 10  # of leaving a link, or an antenna, out
+_FULL_VOTE = log(0.999 / 0.001)  # log odds of right integers
 
 
-def share_threshold(
-    statistic: FloatArray, wrong_probability: FloatArray, wrong_max: float
-) -> float:
-    """Return the lowest statistic from which on no larger share is expected to be wrong than asked.
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class ValidatedArray:
+    """Phases of the array that agree, epoch by epoch."""
 
-    Whoever accepts all from there accepts as much as can be at that share; with minus the
-    probability as statistic it is the Bayesian control of the false discovery rate [1]_. What is
-    more likely wrong than right is never in.
+    integers: Integers  # adapted, and without the links that are excluded
+    # Of the links that take part, the noise raised to what their residuals ask for.
+    form: RotationQuadratic
+    attitude: AttitudeSolution  # of the form
+    # Double differences without integers that the form is of; NaN where excluded.
+    ranges_m: FloatArray  # (n, b, m)
+    # Links, the reference antenna's first, that contradict the others of their epoch.
+    excluded: BoolArray  # (n, b + 1, m)
+    refused: BoolArray  # (n,): epochs that nothing brings to agree
+    rejections: tuple[Rejected, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Phases:
+    """Ranges of an array without integers, and the attitudes that they lead to."""
+
+    differences: DoubleDifferences
+    all_m: FloatArray  # (n, b, m)
+    ranges_m: FloatArray  # those of them that take part
+    form: RotationQuadratic
+    attitude: AttitudeSolution
+    variance_factor: FloatArray  # (n,), of the stated noise
+    false_alarm: float
+
+    def fails(self) -> BoolArray:
+        return ~self.attitude.consistent(self.false_alarm, self.variance_factor)
+
+    def w_tests(self, rows: IntArray) -> FloatArray:
+        part, R_nb = self.differences.resampled(rows), self.attitude.R_nb[rows]
+        off_m = self.ranges_m[rows] - part.array_m(R_nb)
+        variance_m2 = part.phase_variance_m2 * self.variance_factor[rows, None]
+        baselines_n_m = np.einsum("nij,bj->nbi", R_nb, part.baselines_b_m)
+        return w_tests(part, [Residuals(off_m, variance_m2)], baselines_n_m)
+
+    def without(self, rows: IntArray, links: BoolArray) -> "_Phases":
+        ranges_m = self.ranges_m.copy()
+        ranges_m[rows] = _without(self.all_m[rows], links)
+        of_rows = RotationQuadratic.of_ranges(self.differences.resampled(rows), ranges_m[rows])
+        form = self.form.with_rows(rows, of_rows)
+        attitude = searched_again(self.attitude, form, rows, self.attitude.R_nb[rows])
+        return replace(self, ranges_m=ranges_m, form=form, attitude=attitude)
+
+
+def validated(
+    differences: DoubleDifferences,
+    integers: Integers,
+    antennas: tuple[str, ...],
+    false_alarm: float,
+    *,
+    causal: bool = False,
+) -> ValidatedArray:
+    """Return what agrees of an array's phases; of epochs and arcs that agree at once, everything.
 
     Parameters
     ----------
-    statistic : ndarray, shape (n,)
-        Larger is better.
-    wrong_probability : ndarray, shape (n,)
-    wrong_max : float
-        Share of the accepted.
-
-    Returns
-    -------
-    float
-        NaN, which nothing passes, where not even the best may be accepted.
-
-    References
-    ----------
-    .. [1] M. A. Newton, A. Noueiry, D. Sarkar, P. Ahlquist, "Detecting differential gene expression
-       with a semiparametric hierarchical mixture method", Biostatistics 5, 2004.
+    differences : DoubleDifferences
+    integers : Integers
+        Of the same differences.
+    antennas : tuple of str, length b + 1
+        Names, the reference first.
+    false_alarm : float
+        Share of right epochs that the chi-square test may turn away.
+    causal : bool
+        Each epoch by epochs up to it alone; so must be the integers.
     """
-    order = np.lexsort((wrong_probability, -statistic))
-    statistic, wrong = statistic[order], wrong_probability[order]
-    share = np.cumsum(wrong) / np.arange(1, len(wrong) + 1)
-    # equals are accepted together or not at all
-    last_of_equals = np.append(statistic[1:] != statistic[:-1], True)[: len(statistic)]
-    safe = np.flatnonzero((share <= wrong_max) & last_of_equals & (wrong <= 0.5))
-    return float(statistic[safe[-1]]) if len(safe) else np.nan
-
-
-def share_so_far(wrong_probability: FloatArray, wrong_max: float) -> BoolArray:
-    """Return which epochs, (n,), are accepted by the ``share_threshold`` of those up to each.
-
-    An epoch is judged as if the flight ended with it: it is accepted where the mean probability of
-    all epochs so far that are no more likely wrong is at most the share asked for.
-
-    Parameters
-    ----------
-    wrong_probability : ndarray, shape (n,)
-    wrong_max : float
-        Share of the accepted.
-    """
-    accepted = np.asarray(wrong_probability <= min(wrong_max, 0.5))
-    for k in np.flatnonzero(~accepted & (wrong_probability <= 0.5)):
-        so_far = wrong_probability[: k + 1]
-        accepted[k] = so_far[so_far <= so_far[k]].mean() <= wrong_max
-    return accepted
-
-
-def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Loss, ...]:
-    """Return one loss for each reason that holds of any link, (n, b, m)."""
-    return tuple(
-        Loss(what="double difference", reason=reason, count=int(affected.sum()))
-        for reason, affected in links.items()
-        if affected.any()
+    believed, phases = _held_by_arcs(differences, integers, false_alarm, causal=causal)
+    phases, excluded = exclude_links(phases, believed.fixed, _ROUNDS)
+    refused = phases.fails()
+    factor = _variance_factor(phases.attitude, causal=causal)
+    form, attitude = phases.form, phases.attitude
+    if (factor != 1.0).any():
+        form = form.with_variance_factor(factor)
+        raised = np.flatnonzero(factor != 1.0)
+        attitude = searched_again(attitude, form, raised, attitude.R_nb[raised])
+    change = np.where(integers.fixed & believed.fixed, believed.cycles - integers.cycles, 0)
+    fixed = believed.fixed & np.isfinite(phases.ranges_m)
+    if excluded.any():
+        believed = replace(believed, fixed=fixed, cycles=np.where(fixed, believed.cycles, 0))
+    here = ~refused[:, None, None]
+    return ValidatedArray(
+        integers=believed,
+        form=form,
+        attitude=attitude,
+        ranges_m=phases.ranges_m,
+        excluded=excluded,
+        refused=refused,
+        rejections=_listed(differences, antennas, change * (fixed & here), excluded),
+        notes=(
+            *noise_notes(float(factor[-1]) if len(factor) else 1.0),
+            *_filled_note(differences, integers, believed),
+        ),
     )
 
 
-def phase_links(differences: DoubleDifferences) -> BoolArray:
-    """Return the links, (n, b, m), whose phase has an unknown integer, with or without code."""
-    return np.isfinite(differences.phase_m) & ~differences.is_reference[:, None, :]
+def _held_by_arcs(
+    differences: DoubleDifferences, integers: Integers, false_alarm: float, *, causal: bool
+) -> tuple[Integers, _Phases]:
+    """Return integers, those of detected and refused epochs as their arcs agree on; phases by them.
+
+    A baseline with some links fixed at an epoch gets no more: who resolved it left the others out.
+    """
+    phases = _phases(differences, integers, false_alarm, causal=causal)
+    fails = phases.fails()
+    sound = phases.attitude.solved & ~fails & (phases.attitude.degrees_of_freedom > 0)
+    votes = _votes(differences.t_s, sound, integers.wrong_probability)
+    weight = np.where(integers.fixed, votes[:, None, None], 0.0)
+    arcs = arc_consensus(differences.arc, integers.cycles, weight, causal=causal)
+    open_baseline = ~integers.fixed.any(axis=2, keepdims=True)
+    wanted = integers.fixed | (differences.resolvable & open_baseline)
+    held = wanted & arcs.agreed & ~(integers.fixed & (integers.cycles == arcs.cycles))
+    rows = np.flatnonzero(held.any(axis=(1, 2)))
+    if not len(rows):
+        return integers, phases
+    wrong = integers.wrong_probability
+    if wrong is not None:  # as likely as those of the last epoch that voted for them
+        last = np.maximum.accumulate(np.where(votes > 0.0, np.arange(len(votes)), -1))
+        last = np.where(last < 0, int(np.argmax(votes > 0.0)), last)
+        wrong = np.where(held.any(axis=(1, 2)), wrong[last], wrong)
+    source = np.where(held, 1, 0)
+    integers = replace(
+        integers,
+        cycles=np.where(held, arcs.cycles, integers.cycles),
+        fixed=integers.fixed | held,
+        wrong_probability=wrong,
+        source=source,
+    )
+    ranges_m = fixed_ranges_m(differences, integers)
+    form = RotationQuadratic.of_ranges(differences, ranges_m)
+    attitude = searched_again(phases.attitude, form, rows)
+    factor = _variance_factor(attitude, causal=causal)
+    return integers, _Phases(differences, ranges_m, ranges_m, form, attitude, factor, false_alarm)
+
+
+def _phases(
+    differences: DoubleDifferences, integers: Integers, false_alarm: float, *, causal: bool
+) -> _Phases:
+    ranges_m = fixed_ranges_m(differences, integers)
+    form = RotationQuadratic.of_ranges(differences, ranges_m)
+    attitude = maximum_likelihood(form)
+    factor = _variance_factor(attitude, causal=causal)
+    return _Phases(differences, ranges_m, ranges_m, form, attitude, factor, false_alarm)
+
+
+def _variance_factor(attitude: AttitudeSolution, *, causal: bool) -> FloatArray:
+    """Return by what the noise's variance is raised, (n,)."""
+    if causal:
+        return attitude.variance_factor_so_far()
+    return np.full(len(attitude.solved), attitude.variance_factor())
+
+
+def _votes(t_s: FloatArray, sound: BoolArray, wrong: FloatArray | None) -> FloatArray:
+    """Return the weights of epochs in votes on integers of their arcs, (n,), from 0 to 1.
+
+    As the log odds of right integers, in full at a chance of 1e-3 that they are wrong. Epochs so
+    far apart that they err independently agree on wrong integers by chance alone: one counts in
+    full a correlation time after the one before.
+    """
+    votes = np.diff(t_s, prepend=t_s[:1]) / APART_S
+    if wrong is not None:
+        chance = wrong.clip(1e-300, 1 - 1e-16)
+        votes = np.maximum(votes, (np.log1p(-chance) - np.log(chance)) / _FULL_VOTE)
+    return np.where(sound, votes.clip(0.0, 1.0), 0.0)
+
+
+def _without(ranges_m: FloatArray, links: BoolArray) -> FloatArray:
+    """Return ranges without some links, (n, b + 1, m); the reference antenna takes all."""
+    return np.where(links[:, 1:] | links[:, :1], np.nan, ranges_m)
+
+
+def _filled_note(
+    differences: DoubleDifferences, resolved: Integers, believed: Integers
+) -> tuple[str, ...]:
+    new = believed.fixed & ~resolved.fixed
+    if not new.any():
+        return ()
+    none = new.any(axis=(1, 2)) & ~resolved.fixed.any(axis=(1, 2))
+    arcs = np.unique(np.c_[np.argwhere(new)[:, 1:], differences.arc[new]], axis=0)
+    return (
+        f"Integers of {len(arcs)} arcs hold where they were refused: {int(new.sum())} links, "
+        f"{int(none.sum())} epochs that had none.",
+    )
+
+
+def _listed(
+    differences: DoubleDifferences, antennas: tuple[str, ...], change: IntArray, excluded: BoolArray
+) -> tuple[Rejected, ...]:
+    """Return integers changed, (n, b, m), and links excluded, (n, b + 1, m), with their spans."""
+    mended = [
+        (i + 1, j, first, last, f"integer off by {-cycles:+d}: mended by its arc")
+        for i, j, first, last, cycles in _runs(change)
+    ]
+    out = [
+        (i, j, first, last, "contradicts the rest of the array: left out")
+        for i, j, first, last, _ in _runs(excluded.astype(np.int64))
+    ]
+    return tuple(
+        Rejected(
+            what="phase",
+            link=f"{antennas[i]} {differences.satellites[j]} {differences.signals[j]}",
+            from_s=float(differences.t_s[first]),
+            until_s=float(differences.t_s[last]),
+            reason=reason,
+        )
+        for i, j, first, last, reason in (*mended, *out)
+    )
+
+
+def _runs(values: IntArray) -> list[tuple[int, int, int, int, int]]:
+    """Return row, column, first and last epoch and value of every run of one value but 0."""
+    edged = np.pad(values, ((1, 1), (0, 0), (0, 0)))
+    changes = np.diff(edged, axis=0) != 0
+    first = np.argwhere((changes[:-1] & (values != 0)).transpose(1, 2, 0))
+    last = np.argwhere((changes[1:] & (values != 0)).transpose(1, 2, 0))
+    return [
+        (int(i), int(j), int(begin), int(end), int(values[begin, i, j]))
+        for (i, j, begin), (_, _, end) in zip(first, last, strict=True)
+    ]

@@ -114,13 +114,13 @@ class Calibration:
 
 
 def calibration(
-    manifest: Path | str, flights: Iterable[tuple[Flight, Mapping[str, Record]]]
+    manifest: Path | str | Network, flights: Iterable[tuple[Flight, Mapping[str, Record]]]
 ) -> Calibration:
     """Return a network's figures on flights with truth.
 
     Parameters
     ----------
-    manifest : Path or str
+    manifest : Path, str or Network
     flights : iterable of (Flight, mapping of str to Record)
         Never trained on; records as of ``NeuralFactor``.
 
@@ -130,12 +130,13 @@ def calibration(
         If a flight has no truth or lacks a sensor, nothing is answered, or the quantity is not
         one of a single time.
     """
-    network, errors, covariances, outside = load_network(Path(manifest)), [], [], 0
+    network = manifest if isinstance(manifest, Network) else load_network(Path(manifest))
+    errors, covariances, outside = [], [], 0
     white: list[Errors] = []
     output = network.manifest.output
     if output.measures not in _JUDGED:
         raise BadInputError(
-            f"{manifest}: key output.measures: calibration judges {', '.join(_JUDGED)}, got "
+            f"{network.path}: key output.measures: calibration judges {', '.join(_JUDGED)}, got "
             f"{output.measures}"
         )
     for flight, records in flights:
@@ -146,7 +147,7 @@ def calibration(
         if len(t_s) > 2:
             white.append((t_s, normalised))
     if not white:
-        raise BadInputError(f"{manifest}: the flights have no three windows to answer")
+        raise BadInputError(f"{network.path}: the flights have no three windows to answer")
     e, P = np.concatenate(errors), np.concatenate(covariances)
     constant, stated_s = e.T @ e / len(e), output.half_life_s
     lasting = lasting_share(white)

@@ -1,9 +1,9 @@
 """A network as a source of factors: windows that end at keyframes, outputs, their correlation."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fgnav.graph.types.constants import FlightConstant, flight_constant
 from fgnav.gravity import GravityDirection
 from fgnav.messages import note
 from fgnav.neural.measures import SENSORS
-from fgnav.neural.network import load_network
+from fgnav.neural.network import Answers, Network, load_network
 from fgnav.neural.outputs import Counted, factor_of
 from fgnav.neural.records import Record, check_rate, concatenate_records, of_flight, of_measurements
 from fgnav.neural.windows import Windows, windows
@@ -25,6 +25,14 @@ from fgnav.types.flight import Flight
 _AT_ONCE = 2000  # keyframes: 50 MB of a second of six channels at 200 Hz, in double precision
 _SAME = 1e-6  # of an interval: times of keyframes are rounded
 _USED_TWICE = ("magnetometer", "barometer", "position", "velocity")
+
+
+class Queries(NamedTuple):
+    """What a network is asked about some keyframes."""
+
+    rows: IntArray  # (k, 2): keyframes where the answer begins, -1 but of displacements, and ends
+    inputs: tuple[FloatArray, ...]  # (k, window, channels) each, in the manifest's units
+    counted: Counted
 
 
 class NeuralFactor:
@@ -37,8 +45,8 @@ class NeuralFactor:
 
     Parameters
     ----------
-    manifest : Path or str
-        TOML or JSON, the ONNX file beside it.
+    manifest : Path, str or Network
+        TOML or JSON, the ONNX file beside it; or a network that is loaded.
     records : mapping of str to Record, optional
         Of sensors that the flight does not have, or in place of those it has.
     interval_s : float, optional
@@ -61,15 +69,17 @@ class NeuralFactor:
 
     def __init__(
         self,
-        manifest: Path | str,
+        manifest: Path | str | Network,
         *,
         records: Mapping[str, Record] | None = None,
         interval_s: float | None = None,
     ) -> None:
         if interval_s is not None:
             positive("neural factor interval_s", interval_s)
-        self._path, self._given, self._interval_s = Path(manifest), dict(records or {}), interval_s
-        self._network = load_network(self._path)
+        self._given, self._interval_s = dict(records or {}), interval_s
+        self._loaded = isinstance(manifest, Network)
+        self._network = manifest if isinstance(manifest, Network) else load_network(Path(manifest))
+        self._path = self._network.path
         self._so_far: dict[str, Record] = {}
         self._last_s = -np.inf
         for name, record in self._given.items():
@@ -78,12 +88,17 @@ class NeuralFactor:
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
         """Return how to make another in a process of its own."""
         again = partial(NeuralFactor, records=self._given, interval_s=self._interval_s)
-        return again, (self._path,)
+        return again, (self._network if self._loaded else self._path,)
 
     @property
     def name(self) -> str:
         """What reports call it."""
         return self._network.manifest.name
+
+    @property
+    def network(self) -> Network:
+        """The network that is asked."""
+        return self._network
 
     @property
     def manifest(self) -> Path:
@@ -224,53 +239,71 @@ class NeuralFactor:
                 f"{self._path}: key output.lasting: its factors share a constant; give the source "
                 "itself to the smoother or the stream, which has its key"
             )
-        records = self._records(have, flight)
-        if records is None:
-            return Sourced()
-        factors: list[NamedFactor] = []
         lost: dict[str, int] = {}
-        t_s = timeline.t_s
-        for first in range(timeline.new, len(t_s), _AT_ONCE):
+        factors = [
+            factor
+            for queries in self._queries(have, timeline, lost, flight)
+            for factor in self.factors_of(queries, self._network(queries.inputs))
+        ]
+        return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
+
+    def queries(self, flight: Flight, timeline: Timeline) -> list[Queries]:
+        """Return what the network is asked about a flight's keyframes; errors as of a call."""
+        self._last_s = -np.inf
+        have = {**of_flight(flight), **self._given}
+        return list(self._queries(have, timeline, {}, flight.name))
+
+    def factors_of(self, queries: Queries, answers: Answers) -> list[NamedFactor]:
+        """Return the factors of answers."""
+        output = self._network.manifest.output
+        return [
+            factor_of(self.name, output, (first, last), value, covariance, queries.counted)
+            for (first, last), value, covariance in zip(
+                queries.rows.tolist(), answers.value, answers.covariance, strict=True
+            )
+        ]
+
+    def _queries(
+        self,
+        have: Mapping[str, Record],
+        timeline: Timeline,
+        lost: dict[str, int],
+        flight: str | None,
+    ) -> Iterator[Queries]:
+        """Yield what the network is asked, so many keyframes at once; count what it is not."""
+        records, t_s = self._records(have, flight), timeline.t_s
+        output = self._network.manifest.output
+        counted = Counted(
+            inflation(output.half_life_s, self.between_s), output.lasting, *timeline.constants
+        )
+        for first in range(timeline.new, len(t_s) if records is not None else 0, _AT_ONCE):
             rows = np.arange(first, min(first + _AT_ONCE, len(t_s)))
-            seen = windows(self._network.manifest.inputs, records, t_s[rows])
+            seen = windows(self._network.manifest.inputs, records or [], t_s[rows])
             for reason, which in seen.lost.items():
                 lost[reason] = lost.get(reason, 0) + int(which.sum())
-            factors += self._factors(seen, timeline, rows, lost)
-        return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
+            chosen, begin = self._chosen(seen, t_s, rows, lost)
+            both = np.stack([begin[chosen], rows[chosen]], axis=1)
+            yield Queries(both, tuple(x[chosen] for x in seen.inputs), counted)
 
     def _losses(self, lost: Mapping[str, int]) -> tuple[Loss, ...]:
         return losses_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
 
-    def _factors(
-        self, seen: Windows, timeline: Timeline, rows: IntArray, lost: dict[str, int]
-    ) -> list[NamedFactor]:
-        output, t_s = self._network.manifest.output, timeline.t_s
-        usable = np.flatnonzero(seen.usable)
-        from_row = np.full(len(rows), -1)
+    def _chosen(
+        self, seen: Windows, t_s: FloatArray, rows: IntArray, lost: dict[str, int]
+    ) -> tuple[IntArray, IntArray]:
+        """Return which windows are asked about, and where displacements begin, (k,), or -1."""
+        output = self._network.manifest.output
+        usable, begin = np.flatnonzero(seen.usable), np.full(len(rows), -1)
         if output.over_s is not None:
-            from_row[usable] = _beginnings(t_s, t_s[rows[usable]] - output.over_s)
+            begin[usable] = _beginnings(t_s, t_s[rows[usable]] - output.over_s)
             reason = f"no keyframe stands {output.over_s:g} s before, where the displacement begins"
-            lost[reason] = lost.get(reason, 0) + int((from_row[usable] < 0).sum())
-            usable = usable[from_row[usable] >= 0]
+            lost[reason] = lost.get(reason, 0) + int((begin[usable] < 0).sum())
+            usable = usable[begin[usable] >= 0]
         inside = self._within_domain(seen, usable, lost)
         chosen = self._apart(t_s[rows], inside)
         reason = f"within {self.between_s:g} s of another: their errors are alike"
         lost[reason] = lost.get(reason, 0) + len(inside) - len(chosen)
-        answers = self._network([x[chosen] for x in seen.inputs])
-        counted = Counted(
-            inflation(output.half_life_s, self.between_s), output.lasting, *timeline.constants
-        )
-        return [
-            factor_of(
-                self.name,
-                output,
-                (int(from_row[i]), int(rows[i])),
-                answers.value[j],
-                answers.covariance[j],
-                counted,
-            )
-            for j, i in enumerate(chosen)
-        ]
+        return chosen, begin
 
     def _within_domain(self, seen: Windows, usable: IntArray, lost: dict[str, int]) -> IntArray:
         """Return the windows whose figures, which the graph computes, are as in training."""

@@ -1,12 +1,13 @@
 """A network that measures, checked byte by byte before it runs, and what it says in SI."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.user_files import read_bytes
@@ -20,6 +21,20 @@ _TURN_RAD = 2 * np.pi * (1 + 1e-6)
 _UNIT = (0.5, 2.0)  # norms of what is to be a unit vector; beyond, it is something else
 _NO_ANGLE = 1e-6  # of cosine and sine together: their angle is rounding
 _LONGEST_LOG = 30.0  # of a 1-sigma: e^30 of any unit is nothing that a network can mean
+
+
+class Runtime(Protocol):
+    """What runs a graph: onnxruntime in a process of its own, or a live module."""
+
+    def run(self, names: Sequence[str], feed: Mapping[str, NDArray[Any]]) -> Sequence[NDArray[Any]]:
+        """Return the outputs of those names, a row for each window.
+
+        Raises
+        ------
+        BadInputError
+            If the network stops at it.
+        """
+        ...
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,12 +51,12 @@ class Answers:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Network:
-    """An ONNX file that runs, with its contract; ``path`` is the manifest's."""
+    """What runs, with its contract; ``path`` is the manifest's, for errors."""
 
     path: Path
     manifest: Manifest
-    _session: Session
-    _axes: tuple[tuple[int, ...], ...]  # of each input, that the graph has
+    runtime: Runtime
+    axes: tuple[tuple[int, ...], ...]  # of each input, that the graph has
 
     def __call__(self, inputs: Sequence[FloatArray]) -> Answers:
         """Return what the network says of windows, (k, window, channels) for each input.
@@ -82,22 +97,26 @@ class Network:
         return Answers(
             _value(where, output, raw[0]),
             _covariance(where, output, raw[1] if stated == 2 else None, len(raw[0])),
-            tuple(map(_figure, self._names[stated:], raw[stated:])),
+            tuple(map(_figure, self.names[stated:], raw[stated:])),
         )
 
     @property
-    def _names(self) -> list[str]:
+    def names(self) -> list[str]:
+        """Names of the graph's outputs: the answer's, its covariance's, the domain's figures."""
         return [name for _, name in self.manifest.outputs()]
 
-    def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
-        feed = {
+    def feed(self, inputs: Sequence[FloatArray]) -> dict[str, NDArray[np.float32]]:
+        """Return what the graph is given of windows, by its inputs' names."""
+        return {
             one.name: ((x - one.mean) / one.scale)
             .astype(np.float32)
             .reshape([x.shape[axis] for axis in axes])
-            for one, x, axes in zip(self.manifest.inputs, inputs, self._axes, strict=True)
+            for one, x, axes in zip(self.manifest.inputs, inputs, self.axes, strict=True)
         }
-        names = self._names
-        answers = self._session.run(names, feed)
+
+    def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
+        feed, names = self.feed(inputs), self.names
+        answers = self.runtime.run(names, feed)
         for name, part in zip(names, answers, strict=True):
             if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
                 raise BadInputError(

@@ -116,7 +116,10 @@ class DoubleDifferences:
 
     def array_m(self, R_nb: FloatArray) -> FloatArray:
         """Return modelled double differences without integers, (n, b, m), of attitudes."""
-        baselines_n_m = np.einsum("nij,bj->nbi", R_nb, self.baselines_b_m)
+        return self.ranges_m(np.einsum("nij,bj->nbi", R_nb, self.baselines_b_m))
+
+    def ranges_m(self, baselines_n_m: FloatArray) -> FloatArray:
+        """Return modelled double differences without integers, (n, b, m), of (n, b, 3)."""
         ranges_m = -np.einsum("nbi,nmi->nbm", baselines_n_m, self.e_n)
         of_reference = self.reference[:, self.group].clip(0)
         return np.asarray(ranges_m - np.take_along_axis(ranges_m, of_reference[:, None, :], axis=2))

@@ -88,6 +88,8 @@ class GnssNoise:
         ``sine`` divides by the sine of the elevation.
     unstated : tuple of str
         Names of those that the flight does not state: a usual figure stands there.
+    atmosphere : bool
+        Whether signals come through one, whose models are applied: simulated ones may not.
     wind_up : bool
         Whether turns of antennas wind up their phases: of all receivers they do, of simulated ones
         where the scenario says so.
@@ -106,6 +108,7 @@ class GnssNoise:
     doppler_mps: float = 0.05
     elevation_weights: ElevationWeights = "sine"
     unstated: tuple[str, ...] = ()
+    atmosphere: bool = True
     wind_up: bool = True
     message_errors: bool = True
     satellite_error_rate_mps: float = 2.3e-4

@@ -1,16 +1,18 @@
 """Resolved integers, and what anything that resolves them looks like."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze, losses_of
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
 # Who says what a link's integer is.
-SOURCES = ("resolver", "arc", "array")
+SOURCES = ("resolver", "arc")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -33,8 +35,6 @@ class Integers:
         1 where it found none.
     reasons : tuple of str, length n, or None
         Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
-    evidence : ndarray, shape (n,), or None
-        How much an epoch's phases speak for its integers, log odds, where they were tested.
     source : ndarray of int, shape (n, b, m), or None
         Whose integer a link has, of ``SOURCES``; None: all the resolver's.
     losses : tuple of Loss
@@ -48,7 +48,6 @@ class Integers:
     wrong_probability: FloatArray | None = None
     reasons: tuple[str, ...] | None = None
     losses: tuple[Loss, ...] = ()
-    evidence: FloatArray | None = None
     source: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -59,8 +58,6 @@ class Integers:
         freeze("integers", self, {"ratio": (n, b)}, gaps=True)
         if self.wrong_probability is not None:
             freeze("integers", self, {"wrong_probability": (n,)})
-        if self.evidence is not None:
-            freeze("integers", self, {"evidence": (n,)})
         if self.source is not None:
             freeze("integers", self, {"source": shape}, dtype=np.int64)
         if self.reasons is not None and len(self.reasons) != n:
@@ -81,6 +78,30 @@ class Integers:
         return tuple(np.where(self.fixed.any(axis=(1, 2)), "fixed", names).tolist())
 
 
+def joined(
+    resolver: str, parts: Sequence[Integers], order: IntArray | slice = slice(None)
+) -> Integers:
+    """Return the integers of all epochs of parts, one after another or in an order of these."""
+
+    def column(name: str) -> Any:  # noqa: ANN401  # as the field
+        values = [getattr(part, name) for part in parts]
+        return None if any(v is None for v in values) else np.concatenate(values)[order]
+
+    lost = Counter[tuple[str, str]]()
+    for loss in (loss for part in parts for loss in part.losses):
+        lost[loss.what, loss.reason] += loss.count
+    reasons = column("reasons")
+    return Integers(
+        resolver=resolver,
+        cycles=column("cycles"),
+        fixed=column("fixed"),
+        ratio=column("ratio"),
+        wrong_probability=column("wrong_probability"),
+        reasons=None if reasons is None else tuple(reasons.tolist()),
+        losses=losses_of(lost),
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArcInteger:
     """An integer that a link has had, from slip to slip or until another took its place.
@@ -95,10 +116,10 @@ class ArcInteger:
         Of the double difference: to the channel of reference; against a base to the oldest arc of
         its carrier.
     wrong_probability : float or None
-        By the evidence of its epochs, or as the resolver states it; None where neither does.
+        As the resolver states it of its epochs; None where it does not.
     by : str
-        Of most of its epochs: ``resolver``, ``arc`` (what the arc's epochs agree on) or ``array``
-        (the epoch's other links); ``base``: integer least squares of differences to a base.
+        Of most of its epochs: ``resolver``, or ``arc`` (what the arc's epochs agree on); ``base``:
+        integer least squares of differences to a base.
     """
 
     link: str

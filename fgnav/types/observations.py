@@ -28,7 +28,6 @@ class EarlierEpochs:
     t_s: FloatArray
     bands: dict[str, str]
     signals: dict[tuple[str, str], tuple[str | None, ...]]
-    has_atmosphere: bool
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

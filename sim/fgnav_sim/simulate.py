@@ -217,6 +217,7 @@ def _noise(gnss: GnssTable) -> GnssNoise:
         phase_m=math.hypot(gnss.phase_noise_m, echoes.phase_m if echoes else 0.0),
         doppler_mps=gnss.doppler_noise_mps,
         elevation_weights=gnss.elevation_weights,
+        atmosphere=gnss.atmosphere,
         wind_up=gnss.wind_up,
         message_errors=errs,
         satellite_error_rate_mps=rate_mps if errs else _STILL,

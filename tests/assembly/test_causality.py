@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fgnav.alignment.array.adaptation import adapted
 from fgnav.assembly.truncation import truncated
 from fgnav.attitude.array import AttitudeSolution
 from fgnav.attitude.flight_vectors import measured_vectors, track_of
@@ -19,6 +18,7 @@ from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import motion_so_far, single_differences
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import LowDynamics, causal_gravity, gravity_named
+from fgnav.integers.acceptance import share_so_far, share_threshold
 from fgnav.integers.resolvers.causal import causal_form, looks_ahead
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
@@ -26,7 +26,7 @@ from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.rounding import Rounding
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.integers.validation import share_so_far, share_threshold
+from fgnav.integers.validation import validated
 from fgnav.photodetector import line_of_sight
 from fgnav.types.flight import Flight, Imu
 from fgnav_sim.gnss.tables import OutageTable
@@ -78,7 +78,7 @@ def causal_array(flight, resolver):
     """Differences of the array, what a resolver makes of them, and what agrees of that."""
     differences, resolved = resolve(flight, resolver, causal=True)
     names = tuple(antenna.name for antenna in flight.antennas)
-    return differences, resolved, adapted(differences, resolved, names, FALSE_ALARM, causal=True)
+    return differences, resolved, validated(differences, resolved, names, FALSE_ALARM, causal=True)
 
 
 @cache
@@ -118,12 +118,6 @@ def test_track_before_a_cut_is_the_same(which):
         assert_same(part.clock_s, whole.clock_s[:n, clocks])
         of = [whole.satellites.index(satellite) for satellite in part.satellites]
         assert_array_equal(part.used, whole.used[:n, of])
-
-
-@pytest.mark.parametrize(("which", "air"), [("demo", True), ("no atmosphere", False)])
-def test_first_epochs_tell_whether_there_is_an_atmosphere(which, air):
-    assert causal_track(flown(which)).atmosphere is air
-    assert causal_track(truncated(flown(which), 1.0)).atmosphere is air
 
 
 @pytest.mark.parametrize("which", FLIGHTS)

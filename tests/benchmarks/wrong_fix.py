@@ -20,10 +20,10 @@ from scipy.stats import beta
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.integers.acceptance import share_threshold
 from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
 from fgnav.integers.ils.affine import search_array
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.integers.validation import share_threshold
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from tests.benchmarks._rows import Row, row

@@ -119,7 +119,11 @@ class Made:
                 lock_flags=np.zeros(shape),
             ),
             broadcast=orbits,
-            gnss_noise=GnssNoise(code_m=max(self.code_sigma_m, 0.01), elevation_weights="uniform"),
+            gnss_noise=GnssNoise(
+                code_m=max(self.code_sigma_m, 0.01),
+                elevation_weights="uniform",
+                atmosphere=self.delay_m is not None,
+            ),
         )
 
     def _ranges(

@@ -7,8 +7,8 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry import rotations
 from fgnav.geometry.earth import Origin
-from fgnav.integers.ils.affine import float_epoch
 from fgnav.integers.ils.array_model import epoch_links, link_arrays, spans
+from fgnav.integers.ils.float_solution import float_solution as solved_epoch
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Antenna, Flight, Truth
 
@@ -144,8 +144,8 @@ def float_solution(differences: DoubleDifferences, k: int) -> tuple[FloatArray, 
     arrays = spans(differences.baselines_b_m, epochs.resolvable.any(axis=2))
     everywhere = np.ones(len(differences.baselines_b_m), dtype=np.bool_)
     links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
-    _, cycles, covariance, _ = float_epoch(epochs, arrays, k, arrays.pattern[k], links)
-    return cycles, covariance
+    found = solved_epoch(epochs, arrays, k, arrays.pattern[k], links, 0.0)
+    return found.cycles, found.covariance
 
 
 def link_covariance(

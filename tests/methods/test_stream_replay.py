@@ -8,7 +8,6 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import to_euler
-from fgnav.gnss.single_point import atmosphere_choice
 from fgnav.methods import causal
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
@@ -182,8 +181,6 @@ LONG = {
 
 @pytest.mark.parametrize("which", LONG)
 def test_a_stream_that_has_let_its_beginning_go_ends_there_as_well(which, monkeypatch):
-    """Of epochs once a second; the atmosphere decided by 8 of them, not 64."""
-    monkeypatch.setattr(atmosphere_choice, "_DECIDING", (1, 2, 4, 8))
     made, seed, kept_s = LONG[which]
     monkeypatch.setattr(going_on, "KEPT_S", kept_s)
     flight = simulate(made, np.random.default_rng(seed))

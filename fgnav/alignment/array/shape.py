@@ -15,6 +15,7 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, skew
+from fgnav.gnss.clock_free import clock_free
 from fgnav.graph.types.constants import FlightConstant
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.differences import DoubleDifferences
@@ -79,48 +80,24 @@ class BaselineForm:
 def baseline_information(
     differences: DoubleDifferences, ranges_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return information, (n, 3 b, 3 b), and vector, (n, 3 b), of the baselines in ``n``.
-
-    Satellite terms are eliminated per channel, receiver terms per antenna and group, as in
-    ``RotationQuadratic``: any reference, any weights, any missing links.
-    """
-    n, b, _ = ranges_m.shape
+    """Return information, (n, 3 b, 3 b), and vector, (n, 3 b), of the baselines in ``n``."""
+    n, b, m = ranges_m.shape
     information, vector = np.zeros((n, 3 * b, 3 * b)), np.zeros((n, 3 * b))
+    antenna = np.arange(b)
     for first in range(0, n, AT_ONCE):
         part = slice(first, first + AT_ONCE)
-        joint = np.zeros((len(ranges_m[part]), 3 * b + 1, 3 * b + 1))
-        for g in range(int(differences.group.max(initial=-1)) + 1):
-            _add_group(joint, differences, ranges_m[part], part, g)
+        ranges = ranges_m[part]
+        seen = np.isfinite(ranges)
+        values = np.zeros((len(ranges), b + 1, m, b + 1, 3))  # those of the range stand last
+        values[:, antenna + 1, :, antenna] = -differences.e_n[part]
+        values[:, 1:, :, b, 0] = np.where(seen, ranges, 0.0)
+        of_all = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+        columns = values.reshape(*values.shape[:3], -1)[..., : 3 * b + 1]
+        joint = clock_free(
+            differences.group, of_all, differences.phase_variance_m2[part], columns
+        ).normal
         information[part], vector[part] = joint[:, :-1, :-1], joint[:, :-1, -1]
     return information, vector
-
-
-def _add_group(
-    joint: FloatArray, differences: DoubleDifferences, ranges_m: FloatArray, part: slice, g: int
-) -> None:
-    """Add the links of one group, satellite and receiver terms eliminated; ranges stand last."""
-    n, b, _ = ranges_m.shape
-    laplacian, cross = np.zeros((n, b + 1, b + 1)), np.zeros((n, b + 1, 3 * b + 1))
-    for j in np.flatnonzero(differences.group == g):
-        seen = np.isfinite(ranges_m[:, :, j])
-        here = np.concatenate([np.ones((n, 1)), seen], axis=1)  # of the reference antenna always
-        rows = np.zeros((n, b + 1, 3 * b + 1))
-        for i in range(b):
-            rows[:, i + 1, 3 * i : 3 * i + 3] = -differences.e_n[part, j] * seen[:, i, None]
-        rows[:, 1:, -1] = np.where(seen, ranges_m[:, :, j], 0.0)
-        weight = seen.any(axis=1) / differences.phase_variance_m2[part, j]
-        links = here.sum(axis=1)[:, None, None]
-        rows -= here[:, :, None] * rows.sum(axis=1, keepdims=True) / links
-        weighted = weight[:, None, None] * rows
-        joint += rows.swapaxes(1, 2) @ weighted
-        cross += weighted
-        between = here[:, :, None] * np.eye(b + 1) - here[:, :, None] * here[:, None, :] / links
-        laplacian += weight[:, None, None] * between
-    # The reference antenna's term is the datum; antennas without links have no term.
-    L, C = laplacian[:, 1:, 1:], cross[:, 1:]
-    empty = np.einsum("nii->ni", L) == 0
-    L = L + empty[:, :, None] * np.eye(b)
-    joint -= C.swapaxes(1, 2) @ np.linalg.solve(L, C)
 
 
 def shape_at(

@@ -59,11 +59,11 @@ def instruments(
     stands : Standing
         When the body stands still.
     """
-    found = tuple(_each(flight, stage, track, v_n_mps, stands))
+    every = tuple(_each(flight, stage, track, v_n_mps, stands))
     return Instruments(
-        tuple(one.sensor for one in found if one.sensor is not None and len(one.sensor.row)),
-        tuple(constant for one in found for constant in one.constants),
-        tuple(loss for one in found for loss in one.losses),
+        tuple(one.sensor for one in every if one.sensor is not None and len(one.sensor.row)),
+        tuple(constant for one in every for constant in one.constants),
+        tuple(loss for one in every for loss in one.losses),
     )
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
-from fgnav.gnss.cycle_slips.verdicts import NOT_TESTED, SLIP, TIED
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.types.observations import LOST_LOCK
 
+NOT_TESTED, FINE, SLIP = range(3)  # what the slip test says of a step
 LONGEST_GAP = 5.0  # median intervals without any epoch, after which nothing is continuous
 
 
@@ -41,12 +41,11 @@ def phase_arcs(
     the next, of the phase differenced between antennas: satellite clocks and atmosphere have gone,
     so a step is the baseline's change seen along the line of sight, one change of clocks common to
     all channels (jumps of milliseconds included), and noise. These four unknowns are fitted to all
-    channels of a baseline; while the largest normalised residual says a slip of more than
-    4.5 sigmas and a quarter of a cycle, that channel has one [1]_; if one more then shows, the two
-    are those that explain all steps best as slips of whole half cycles, and whatever else could be
-    the two with a chance of 1 in 1000 breaks as well: a lost arc is better than a wrong one. It
-    holds for any motion and any interval; what the turn of the line of sight does to a baseline of
-    unknown direction, 7 mm in 30 s on 1.6 m, is added to the threshold.
+    channels of a baseline; where the largest normalised residual says a slip of more than 4.5
+    sigmas and a quarter of a cycle, that channel has one [1]_, and if one more shows without it,
+    all channels of the baseline break: a lost arc is better than a wrong one. It holds for any
+    motion and any interval; what the turn of the line of sight does to a baseline of unknown
+    direction, 7 mm in 30 s on 1.6 m, is added to the threshold.
 
     A slip found on most of the baselines, and at least two, is the reference antenna's; with a
     single baseline nothing tells, and the second antenna is blamed. If five channels contradict
@@ -113,15 +112,8 @@ def _usual_s(t_s: FloatArray, earlier_s: FloatArray | None) -> FloatArray:
 
 
 def _blame(verdict: IntArray) -> BoolArray:
-    """Turn verdicts on baselines (n, b, m) into slips of antennas (n, a, m).
-
-    Where two of the tied are the reference antenna's, by what other baselines say, the rest is not.
-    """
-    tied = verdict == TIED
-    slips = tied | (verdict == SLIP)
-    of_reference = (slips.sum(axis=1) >= 2) & (
-        2 * slips.sum(axis=1) > (verdict != NOT_TESTED).sum(axis=1)
-    )
-    settled = (tied & of_reference[:, None]).sum(axis=2) >= 2
-    of_antenna = slips & ~of_reference[:, None] & ~(tied & settled[:, :, None])
-    return np.concatenate([of_reference[:, None], of_antenna], axis=1)
+    """Turn verdicts on baselines (n, b, m) into slips of antennas (n, a, m)."""
+    slips = verdict == SLIP
+    tested = (verdict != NOT_TESTED).sum(axis=1)
+    of_reference = (slips.sum(axis=1) >= 2) & (2 * slips.sum(axis=1) > tested)
+    return np.concatenate([of_reference[:, None], slips & ~of_reference[:, None]], axis=1)

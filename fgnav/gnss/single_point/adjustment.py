@@ -33,17 +33,14 @@ def _equations(
     channels: CodeChannels,
     ranges: CodeRanges,
     p_e_m: FloatArray,
-    *,
-    model: bool | BoolArray,
 ) -> Equations:
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
     seen = angles(p_e_m, paths.e_e)
     sigma_m = growing(flight.gnss_noise, flight.gnss_noise.code_m, seen[0])
     y, variance_m2 = ranges.range_m - paths.range_m, ranges.message_variance_m2 + sigma_m**2
-    if np.any(model):
+    if flight.gnss_noise.atmosphere:
         delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
-        applied = np.broadcast_to(model, len(y))[:, None]
-        y, variance_m2 = y - applied * delay_m, variance_m2 + applied * left_m2
+        y, variance_m2 = y - delay_m, variance_m2 + left_m2
     clocks = np.broadcast_to(channels.clock_of, (*y.shape, len(channels.constellations)))
     A = np.concatenate([-paths.e_e, clocks], axis=2)
     return Equations(A, y, variance_m2, seen[0])
@@ -73,14 +70,12 @@ def adjust(
     ranges: CodeRanges,
     wanted: BoolArray,
     *,
-    model: bool | BoolArray,
     start_e_m: FloatArray | None = None,
     each: bool = False,
 ) -> Adjusted:
     """Solve for position and clocks by Gauss-Newton, all epochs at once.
 
-    From the origin, which may be far away, or from places (n, 3) less than 10 km off. Atmosphere
-    models are applied at all epochs, at none, or at those given, (n,).
+    From the origin, which may be far away, or from places (n, 3) less than 10 km off.
 
     With ``each`` no epoch depends on which others there are: it stops where it converges, however
     long others take, and positions are multiples of a micrometre, so that sums taken in another
@@ -90,7 +85,7 @@ def adjust(
     p_e_m = np.repeat(flight.origin.p_e_m[None], n, axis=0) if start_e_m is None else start_e_m
     step_m = np.full(n, np.inf if start_e_m is None else _NEAR_M)
     while True:
-        equations = _equations(flight, channels, ranges, p_e_m, model=model)
+        equations = _equations(flight, channels, ranges, p_e_m)
         far = (step_m > _NEAR_M)[:, None]
         use = wanted & (far | (equations.elevation_rad >= flight.elevation_mask_rad))
         fits = fit(equations.A, equations.y, equations.variance_m2, use)
@@ -105,14 +100,3 @@ def adjust(
         if each:
             rounded_m = np.rint(p_e_m / _GRID_M) * _GRID_M
             p_e_m = np.where(moves[:, None], rounded_m, p_e_m)
-
-
-def misfits(noise: GnssNoise, at: Adjusted) -> FloatArray:
-    """Return the squared residuals of each epoch per freedom, (n,), in sigmas of the code noise.
-
-    NaN where nothing is to spare.
-    """
-    sigma_m = growing(noise, noise.code_m, at.equations.elevation_rad)
-    squares = np.where(at.use, at.fits.residual / sigma_m, 0.0) ** 2
-    spare = at.converged & (at.fits.freedom > 0)
-    return np.where(spare, squares.sum(axis=1) / np.maximum(at.fits.freedom, 1), np.nan)

@@ -3,20 +3,21 @@
 from collections import Counter
 from dataclasses import dataclass, fields
 from functools import partial
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze, losses_of
 from fgnav.geometry.earth import Origin
+from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.single_point.adjustment import adjust
-from fgnav.gnss.single_point.atmosphere_choice import atmosphere_so_far
 from fgnav.gnss.single_point.model import CodeChannels, code_channels, code_ranges
 from fgnav.gnss.single_point.solved_block import SolvedBlock, solved_block
-from fgnav.gnss.single_point.trial import trial
 from fgnav.types.flight import Flight
 from fgnav.types.observations import Observations
 
+_SAMPLE = 200  # epochs
 BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 
 
@@ -43,9 +44,6 @@ class CodeSolution:
     clock_drift_sps: FloatArray  # (k,): NaN without Doppler
     satellites: tuple[str, ...]
     used: BoolArray  # (k, m): satellites that took part in the position
-    # Whether models of ionosphere and troposphere were applied; of causal solutions, at the last
-    # epoch.
-    atmosphere: bool
     losses: tuple[Loss, ...] = ()
 
     def __post_init__(self) -> None:
@@ -80,17 +78,14 @@ def code_solution(flight: Flight, *, causal: bool = False) -> CodeSolution:
     noise, the message's accuracy and what the atmosphere models leave. While the chi-square test
     fails at 1e-4, the satellite with the largest normalised residual is dropped.
 
-    The broadcast ionosphere and Saastamoinen's troposphere are applied, but a simulated flight may
-    have no atmosphere: they are left out where that makes the median residuals of a sample of
-    epochs smaller, and as small as the stated code noise; where messages state an ionosphere, only
-    if that is far likelier as well (``atmosphere_choice``).
+    The broadcast ionosphere and Saastamoinen's troposphere are applied, unless the flight states
+    that it has no atmosphere.
 
     Parameters
     ----------
     causal : bool
-        Each epoch by epochs up to it alone: channels by those first seen, the atmosphere by the
-        first 64 epochs with redundant code, decided anew whenever their number doubles. Velocities
-        are never None then.
+        Each epoch by epochs up to it alone: channels by those first seen. Velocities are never None
+        then.
 
     Raises
     ------
@@ -112,26 +107,36 @@ def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
     if not channels.satellites:
         raise NoSolutionError(f"antenna {name}: no code observation of a supported satellite")
     n = len(observations.t_s)
-    starts = None
-    if causal:
-        model = atmosphere_so_far(flight, observations, channels)
-    else:
-        starts, applied = trial(flight, observations, channels)
-        model = np.full(n, applied)
+    starts = None if causal else _sampled(flight, observations, channels)
     lost: Counter[tuple[str, str]] = Counter()
     blocks = []
     for first in range(0, n, BLOCK):
         epoch = np.arange(first, min(first + BLOCK, n))
         ranges = code_ranges(flight, observations, channels, 0, epoch)
-        solve = partial(adjust, flight, channels, ranges, model=model[epoch], each=causal)
-        start_e_m = None if starts is None else starts.at(epoch)
+        solve = partial(adjust, flight, channels, ranges, each=causal)
+        start_e_m = None
+        if starts is not None and len(starts.epoch):
+            start_e_m = interpolate(epoch.astype(np.float64), starts.epoch, starts.p_e_m)
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
     columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
     losses = losses_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
-    return _finish(
-        flight.origin, observations, channels, solved, losses, model=model, causal=causal
-    )
+    return _finish(flight.origin, observations, channels, solved, losses, causal=causal)
+
+
+class _Starts(NamedTuple):
+    """Places from which epochs take half the steps that they take from the origin."""
+
+    epoch: FloatArray  # (k,)
+    p_e_m: FloatArray
+
+
+def _sampled(flight: Flight, observations: Observations, channels: CodeChannels) -> _Starts:
+    """Return a sample of the flight's epochs, solved from the origin."""
+    epoch = np.unique(np.linspace(0, len(observations.t_s) - 1, _SAMPLE).astype(np.int64))
+    ranges = code_ranges(flight, observations, channels, 0, epoch, rates=False)
+    tried = adjust(flight, channels, ranges, np.isfinite(ranges.range_m))
+    return _Starts(epoch[tried.converged].astype(np.float64), tried.p_e_m[tried.converged])
 
 
 def _finish(
@@ -141,7 +146,6 @@ def _finish(
     solved: SolvedBlock,
     losses: tuple[Loss, ...],
     *,
-    model: BoolArray,
     causal: bool,
 ) -> CodeSolution:
     """Turn what was solved in ECEF into the local frame, at the nominal epochs."""
@@ -169,6 +173,5 @@ def _finish(
         clock_drift_sps=solved.drift_sps,
         satellites=channels.satellites,
         used=solved.used,
-        atmosphere=bool(model[solved.epoch[-1]]),
         losses=losses,
     )

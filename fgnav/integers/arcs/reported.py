@@ -48,8 +48,6 @@ def reported_arcs(
 
 def _log_odds(integers: Integers) -> FloatArray | None:
     """Return the log odds that epochs' integers are right, (n,)."""
-    if integers.evidence is not None:
-        return integers.evidence
     if integers.wrong_probability is None:
         return None
     wrong = integers.wrong_probability.clip(1e-300, 1 - 1e-16)

@@ -15,14 +15,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.sparse.linalg import cg
 
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.ils.affine import code_residuals
-from fgnav.kernels.compiled import inlined, inner, kernel
 from fgnav.types.differences import DoubleDifferences
 
-_ROUNDS = 100
-_SETTLED_M = 1e-3  # an arc's constant, from one round to the next
+_EXACT = 1e-8  # relative residual of the arcs' normal equations
 _STATED = 10.0  # degrees of freedom that the stated code noise counts as
 _LAGS = 40  # at which the autocorrelation is measured
 _PAIRS = 30  # of epochs, least, for one lag to count
@@ -125,121 +125,31 @@ def _measured(normalised: FloatArray, arc: IntArray, sill: float) -> FloatArray:
     return valid if len(lags) > 1 else np.ones(n)  # nothing to tell by: nothing is averaged
 
 
-@kernel
 def _fit(
     gap_m: FloatArray, weight: FloatArray, arc: IntArray, group: IntArray
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return the constants of the arcs, the residuals, and the epochs of each arc, (n, b, m)."""
-    n, b, m = gap_m.shape
-    constant, residual = np.zeros((n, b, m)), np.zeros((n, b, m))
-    count = np.zeros((n, b, m), dtype=np.int64)
-    for i in range(b):
-        first = _beginnings(arc[:, i])
-        common = _chained(gap_m[:, i], weight[:, i], first, group, constant[:, i])
-        for _ in range(_ROUNDS):
-            moved = _arc_constants(gap_m[:, i], weight[:, i], first, group, common, constant[:, i])
-            _fit_epochs(gap_m[:, i], weight[:, i], first, group, constant[:, i], common)
-            if moved < _SETTLED_M:
-                break
-        for k in range(n):
-            for j in range(m):
-                if first[k, j] >= 0:
-                    constant[k, i, j] = constant[first[k, j], i, j]
-                    count[first[k, j], i, j] += weight[k, i, j] > 0.0
-                    residual[k, i, j] = gap_m[k, i, j] - constant[k, i, j] - common[k, group[j]]
-        for k in range(n):
-            for j in range(m):
-                if first[k, j] >= 0:
-                    count[k, i, j] = count[first[k, j], i, j]
+    """Return the constants of the arcs, the residuals, and the epochs of each arc, (n, b, m).
+
+    Weighted least squares, constants of epochs and groups eliminated.
+    """
+    constant, residual = np.zeros(gap_m.shape), np.zeros(gap_m.shape)
+    count = np.zeros(gap_m.shape, dtype=np.int64)
+    for i in range(gap_m.shape[1]):
+        k, j = np.nonzero(arc[:, i] >= 0)
+        labels, of_arc = np.unique(arc[k, i, j] * len(group) + j, return_inverse=True)
+        if not len(labels):
+            continue
+        epochs, of_epoch = np.unique(k * len(group) + group[j], return_inverse=True)
+        w, y = weight[k, i, j], gap_m[k, i, j]
+        by_epoch = csr_array((w, (of_epoch, of_arc)), shape=(len(epochs), len(labels)))
+        total = by_epoch.sum(axis=1)
+        inverse = diags_array(np.where(total > 0, 1.0 / np.where(total > 0, total, 1.0), 0.0))
+        pull = np.bincount(of_epoch, w * y, len(epochs))
+        normal = diags_array(by_epoch.sum(axis=0)) - by_epoch.T @ inverse @ by_epoch
+        right = np.bincount(of_arc, w * y, len(labels)) - by_epoch.T @ (inverse @ pull)
+        constants, _ = cg(normal, right, rtol=_EXACT)
+        common = inverse @ (pull - by_epoch @ constants)
+        constant[k, i, j] = constants[of_arc]
+        residual[k, i, j] = y - constants[of_arc] - common[of_epoch]
+        count[k, i, j] = np.bincount(of_arc, w > 0.0, len(labels))[of_arc]
     return constant, residual, count
-
-
-@inlined
-def _beginnings(arc: IntArray) -> IntArray:
-    """Return the epoch at which each link's arc begins, (n, m); -1 without phase."""
-    n, m = arc.shape
-    first = np.empty((n, m), dtype=np.int64)
-    for j in range(m):
-        start = -1
-        for k in range(n):
-            if arc[k, j] >= 0 and (start < 0 or arc[k, j] != arc[start, j]):
-                start = k
-            first[k, j] = start if arc[k, j] >= 0 else -1
-    return first
-
-
-@inlined
-def _chained(
-    gap_m: FloatArray, weight: FloatArray, first: IntArray, group: IntArray, constant: FloatArray
-) -> FloatArray:
-    """Return constants of the epochs, (n, m), of each group, by arcs that go on, as a start."""
-    n, m = gap_m.shape
-    common, fitted = np.zeros((n, m)), np.zeros((n, m), dtype=np.bool_)
-    for k in range(n):
-        _fit_epoch(k, gap_m, weight, first, group, fitted, constant, common)
-        for j in range(m):
-            if weight[k, j] > 0.0 and not fitted[first[k, j], j]:
-                fitted[first[k, j], j] = True
-                constant[first[k, j], j] = gap_m[k, j] - common[k, group[j]]
-    return common
-
-
-@inlined
-def _arc_constants(
-    gap_m: FloatArray,
-    weight: FloatArray,
-    first: IntArray,
-    group: IntArray,
-    common: FloatArray,
-    constant: FloatArray,
-) -> float:
-    """Fit the arcs' constants, kept at the epochs where arcs begin; return the largest change."""
-    n, m = gap_m.shape
-    moved = 0.0
-    for j in range(m):
-        pull, total = np.zeros(n), np.zeros(n)
-        for k in range(n):
-            if weight[k, j] > 0.0:
-                pull[first[k, j]] += weight[k, j] * (gap_m[k, j] - common[k, group[j]])
-                total[first[k, j]] += weight[k, j]
-        for k in range(n):
-            if total[k] > 0.0:
-                moved = max(moved, abs(pull[k] / total[k] - constant[k, j]))
-                constant[k, j] = pull[k] / total[k]
-    return moved
-
-
-@inlined
-def _fit_epochs(
-    gap_m: FloatArray,
-    weight: FloatArray,
-    first: IntArray,
-    group: IntArray,
-    constant: FloatArray,
-    common: FloatArray,
-) -> None:
-    fitted = np.ones(gap_m.shape, dtype=np.bool_)
-    for k in range(len(gap_m)):
-        _fit_epoch(k, gap_m, weight, first, group, fitted, constant, common)
-
-
-@inner
-def _fit_epoch(
-    k: int,
-    gap_m: FloatArray,
-    weight: FloatArray,
-    first: IntArray,
-    group: IntArray,
-    fitted: BoolArray,
-    constant: FloatArray,
-    common: FloatArray,
-) -> None:
-    """Set an epoch's constants by the arcs that are fitted, where there is any."""
-    pull, total = np.zeros(common.shape[1]), np.zeros(common.shape[1])
-    for j in range(len(group)):
-        if weight[k, j] > 0.0 and fitted[first[k, j], j]:
-            pull[group[j]] += weight[k, j] * (gap_m[k, j] - constant[first[k, j], j])
-            total[group[j]] += weight[k, j]
-    for g in range(common.shape[1]):
-        if total[g] > 0.0:
-            common[k, g] = pull[g] / total[g]

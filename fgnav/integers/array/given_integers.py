@@ -77,12 +77,9 @@ def given_integers(
     arrays = spans(differences.baselines_b_m, np.any(differences.resolvable, axis=2))
     M = columns.reshape(-1, 3, 3)  # a column in each row
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
-    e_n = np.nan_to_num(differences.e_n)
     cycles_m = differences.wavelength_m * cycles
-    range_m = -np.einsum("nbi,nji->nbj", baselines_n_m, e_n)
-    turned_m = -np.cross(baselines_n_m[:, :, None], e_n[:, None])  # of the range, by turns
-    reference = differences.reference[:, differences.group].clip(0)[:, None, :]
-    range_m = range_m - np.take_along_axis(range_m, reference, axis=2)
+    range_m = differences.ranges_m(baselines_n_m)
+    turned_m = -np.cross(baselines_n_m[:, :, None], differences.e_n[:, None])  # by turns
     parts = []
     for measured in (differences.code_m, differences.phase_m - cycles_m):
         residual_m = np.where(differences.resolvable, measured - range_m, 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.nearest import log_volume, nearest, weak_axis
-from fgnav.integers.array.relaxation import Relaxation, relaxation
+from fgnav.integers.array.relaxation import relaxation
 from fgnav.integers.array.volume import log_likelihood
 from fgnav.integers.array.walk import (
     AT_LIMIT,
@@ -25,6 +25,7 @@ from fgnav.integers.array.walk import (
 )
 from fgnav.integers.ils.array_model import LinkArrays, Spans
 from fgnav.integers.ils.decorrelation import decorrelate
+from fgnav.integers.ils.float_solution import FloatSolution
 from fgnav.integers.ils.link_weights import solved
 from fgnav.kernels.compiled import inlined, inner, kernel
 
@@ -127,7 +128,7 @@ def search_epochs(
 
 @inlined
 def _search_epoch(
-    relaxed: Relaxation,
+    relaxed: FloatSolution,
     k: int,
     bound: float,
     result: Found,
@@ -176,7 +177,7 @@ def _search_epoch(
 
 
 @inlined
-def _model(relaxed: Relaxation, T: FloatArray) -> tuple[_Model, FloatArray]:
+def _model(relaxed: FloatSolution, T: FloatArray) -> tuple[_Model, FloatArray]:
     """Return the model of complete vectors, and the gain by decorrelated integers, (3 r, q)."""
     u, q = relaxed.gain.shape
     gain, identity = np.zeros((u, q)), np.zeros((u, u))

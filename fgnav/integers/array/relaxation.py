@@ -18,21 +18,10 @@ References
    least-squares solution", J. Geodesy 86, 2012.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.ils.array_model import (
-    LinkArrays,
-    Spans,
-    by_code,
-    design_and_code,
-    epoch_links,
-    floats,
-    normal_equations,
-)
-from fgnav.integers.ils.link_weights import solved, weighed
+from fgnav.integers.ils.array_model import LinkArrays, Spans, epoch_links
+from fgnav.integers.ils.float_solution import FloatSolution, float_solution
 from fgnav.kernels.compiled import inlined, kernel
 
 # The multiplier e trades what it takes off the bound, e r, for the reach of directions that code
@@ -43,50 +32,18 @@ _PER_INTEGER = 6.0
 _LARGEST_MULTIPLIER = 30.0
 
 
-class Relaxation(NamedTuple):
-    """One epoch, relaxed: ``constant + |cycles - z|^2`` in the metric of ``covariance``.
+@kernel
+def relaxation(epochs: LinkArrays, arrays: Spans, k: int) -> FloatSolution:
+    """Relax one epoch.
 
-    Once z is known the columns of M, one after the other, are ``columns + gain @ (cycles - z)``,
-    and the constrained cost is the relaxed one plus the distance to the nearest M with orthonormal
+    The constrained cost is the relaxed one plus the distance to the nearest M with orthonormal
     columns in the metric of ``information``.
     """
-
-    links: IntArray  # (q, 3): baseline, channel, reference
-    cycles: FloatArray  # (q,)
-    covariance: FloatArray  # (q, q)
-    constant: float
-    columns: FloatArray  # (3 r,)
-    gain: FloatArray  # (3 r, q)
-    information: FloatArray  # (3 r, 3 r)
-
-
-@kernel
-def relaxation(epochs: LinkArrays, arrays: Spans, k: int) -> Relaxation:
-    """Relax one epoch."""
     pattern = arrays.pattern[k]
-    r = arrays.rank[pattern]
     everywhere = np.ones(epochs.phase_m.shape[1], dtype=np.bool_)
     links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
-    q, u = len(links), 3 * r
-    A = design_and_code(epochs, arrays.coordinates_m[pattern], k, links, u)
-    weighted = weighed(links, epochs.code_variance_m2[k], epochs.phase_variance_m2[k], A)
-    normal, of_phase = normal_equations(A, weighted[0]), normal_equations(A, weighted[1])
-    constant = normal[u, u]
-    multiplier = _multiplier(q, u)
-    N, of_code = by_code(A, normal, multiplier)
-    gain = np.empty((u, q))
-    columns = np.empty(u)
-    for i in range(u):
-        columns[i] = of_code[i, q]
-        constant -= normal[i, u] * columns[i]
-    cycles, covariance = floats(epochs, k, links, A, of_code)
-    for i in range(u):
-        for j in range(u):
-            N[i, j] += of_phase[i, j]
-        for j in range(q):
-            gain[i, j] = weighted[1, j, i] * epochs.wavelength_m[links[j, 1]]
-    gain = solved(N, gain)
-    return Relaxation(links, cycles, covariance, constant - multiplier * r, columns, gain, N)
+    multiplier = _multiplier(len(links), 3 * arrays.rank[pattern])
+    return float_solution(epochs, arrays, k, pattern, links, multiplier)
 
 
 @inlined

@@ -64,6 +64,7 @@ class ConstrainedSearch:
     status: IntArray  # (n,)
     # Visited by the search, the attitude of a complete integer vector counted as 100.
     nodes: IntArray  # (n,)
+    baselines_n_m: FloatArray  # (n, b, 3), by the best; 0 of an antenna that has no link
 
     def rows(self, at: IntArray) -> "ConstrainedSearch":
         """Return some of the epochs."""
@@ -93,7 +94,8 @@ def search_constrained(differences: DoubleDifferences, nodes: int) -> Constraine
         What a search may visit before it is given up, 10 to 100 ns each; the attitude of
         a complete integer vector counts as 100.
     """
-    result, _, degrees = searched(differences, 2, 1, _REACH, nodes, listed=False)
+    result, arrays, degrees = searched(differences, 2, 1, _REACH, nodes, listed=False)
+    columns = result.columns[:, 0].reshape(-1, 3, 3)
     return ConstrainedSearch(
         cycles=result.cycles[:, 0],
         costs=result.costs,
@@ -102,6 +104,7 @@ def search_constrained(differences: DoubleDifferences, nodes: int) -> Constraine
         log_evidence=result.log_evidence,
         status=result.status,
         nodes=result.nodes,
+        baselines_n_m=arrays.coordinates_m[arrays.pattern] @ columns,
     )
 
 

@@ -9,28 +9,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.array_model import (
-    LinkArrays,
-    Spans,
-    by_code,
-    design_and_code,
-    epoch_links,
-    floats,
-    link_arrays,
-    normal_equations,
-    spans,
-)
-from fgnav.integers.ils.link_weights import weighed
+from fgnav.integers.ils.array_model import LinkArrays, Spans, epoch_links, link_arrays, spans
+from fgnav.integers.ils.float_solution import float_solution
 from fgnav.integers.ils.search import OK, UNFINISHED, solve_subset
-from fgnav.integers.ils.threads import in_blocks
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 from fgnav.types.differences import DoubleDifferences
 
 NOTHING, WEAK, ILL = range(10, 13)  # how an epoch can end besides OK and UNFINISHED
 
 _NODES = 10**7  # 0.15 s; realistic searches take 1e2 to 1e5, and beyond the answer is seldom right
-_BLOCK = 32  # epochs a thread takes at once, 1 us each or more
-_SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
 
 
 class ArraySearch(NamedTuple):
@@ -51,7 +38,7 @@ class ArraySearch(NamedTuple):
 def search_array(
     differences: DoubleDifferences, *, joint: bool, success_min: float = 0.0
 ) -> ArraySearch:
-    """Resolve every epoch by integer least squares, epochs in parallel.
+    """Resolve every epoch by integer least squares.
 
     Parameters
     ----------
@@ -73,11 +60,7 @@ def search_array(
         np.full((n, b, 2), np.nan),
         np.full((n, b), NOTHING),
     )
-
-    def search_block(block: slice) -> None:
-        _search_epochs(epochs, arrays, blocks, result, block.start, block.stop, success_min)
-
-    in_blocks(search_block, n, least=_BLOCK)
+    _search_epochs(epochs, arrays, blocks, result, success_min)
     return result
 
 
@@ -103,21 +86,24 @@ def _search_epochs(
     arrays: Spans,
     blocks: BoolArray,
     result: ArraySearch,
-    first: int,
-    last: int,
     success_min: float,
 ) -> None:
-    for k in range(first, last):
+    for k in range(len(result.cycles)):
         for s in range(len(blocks)):
             links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], blocks[s])
             if len(links) == 0:
                 continue
             pattern = arrays.pattern[k * len(blocks) + s]
-            end, float_cycles, covariance, _ = float_epoch(epochs, arrays, k, pattern, links)
+            found = float_solution(epochs, arrays, k, pattern, links, 0.0)
+            end = OK if found.determined else WEAK
             if end == OK:
                 # Numbers, no literals: else the search is compiled once more for these two.
                 end, integers, norms, fixed, success = solve_subset(
-                    float_cycles, covariance, int(np.int64(2)), int(np.int64(_NODES)), success_min
+                    found.cycles,
+                    found.covariance,
+                    int(np.int64(2)),
+                    int(np.int64(_NODES)),
+                    success_min,
                 )
                 end = end if end in (OK, UNFINISHED) else ILL
                 for q in range(len(links)):
@@ -140,39 +126,8 @@ def _code_squares(epochs: LinkArrays, arrays: Spans) -> tuple[float, int]:
         links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
         spare = len(links) - 3 * arrays.rank[pattern]
         if spare > 0:
-            status, _, _, residual = float_epoch(epochs, arrays, k, pattern, links)
-            if status == OK:
-                squares += residual
+            found = float_solution(epochs, arrays, k, pattern, links, 0.0)
+            if found.determined:
+                squares += found.constant
                 degrees += spare
     return squares, degrees
-
-
-@kernel
-def float_epoch(
-    epochs: LinkArrays, arrays: Spans, k: int, pattern: int, links: IntArray
-) -> tuple[int, FloatArray, FloatArray, float]:
-    """Return status, float cycles, (q,), their covariance, and the squared residuals of code."""
-    u = 3 * arrays.rank[pattern]
-    A = design_and_code(epochs, arrays.coordinates_m[pattern], k, links, u)
-    weighted = weighed(links, epochs.code_variance_m2[k], epochs.phase_variance_m2[k], A)
-    normal = normal_equations(A, weighted[0])
-    N, of_code = by_code(A, normal, 0.0)
-    cycles, covariance = floats(epochs, k, links, A, of_code)
-    squares = normal[u, u]
-    for i in range(u):
-        squares -= normal[i, u] * of_code[i, len(links)]
-    return OK if _determined(N) else WEAK, cycles, covariance, squares
-
-
-@inlined
-def _determined(N: FloatArray) -> bool:
-    """Return whether every pivot of a symmetric matrix is more than rounding of its diagonal."""
-    U = N.copy()
-    for j in range(len(U)):
-        if not U[j, j] > _SINGULAR * N[j, j]:
-            return False
-        for i in range(j + 1, len(U)):
-            factor = U[j, i] / U[j, j]
-            for c in range(i, len(U)):
-                U[i, c] -= factor * U[j, c]
-    return True

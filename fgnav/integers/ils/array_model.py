@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.integers.ils.link_weights import solved
 from fgnav.kernels.compiled import kernel
 from fgnav.types.differences import DoubleDifferences
 
@@ -131,74 +130,3 @@ def link_design(
             across = e_n[links[i, 2], u % 3] - e_n[links[i, 1], u % 3]
             A[i, u] = across * coordinates_m[links[i, 0], u // 3]
     return A
-
-
-@kernel
-def design_and_code(
-    epochs: LinkArrays, coordinates_m: FloatArray, k: int, links: IntArray, u: int
-) -> FloatArray:
-    """Return the design of links by the columns, and their code behind it, (q, u + 1)."""
-    design = link_design(epochs.e_n[k], coordinates_m, links, u)
-    out = np.empty((len(links), u + 1))
-    for i in range(len(links)):
-        for c in range(u):
-            out[i, c] = design[i, c]
-        out[i, u] = epochs.code_m[k, links[i, 0], links[i, 1]]
-    return out
-
-
-@kernel
-def normal_equations(A: FloatArray, weighted: FloatArray) -> FloatArray:
-    """Return the transpose of A times what it is when weighed."""
-    out = np.zeros((A.shape[1], A.shape[1]))
-    for i in range(len(A)):
-        for c in range(A.shape[1]):
-            for d in range(A.shape[1]):
-                out[c, d] += weighted[i, c] * A[i, d]
-    return out
-
-
-@kernel
-def by_code(A: FloatArray, normal: FloatArray, multiplier: float) -> tuple[FloatArray, FloatArray]:
-    """Return the information N on the columns, and ``N^-1 A^T`` beside the columns, (u, q + 1).
-
-    Parameters
-    ----------
-    A : ndarray, shape (q, u + 1)
-        As ``design_and_code`` has it.
-    normal : ndarray, shape (u + 1, u + 1)
-        Its normal equations by code.
-    multiplier : float
-        Added to the diagonal of the information.
-    """
-    q, u = len(A), len(normal) - 1
-    N, right = np.empty((u, u)), np.empty((u, q + 1))
-    for i in range(u):
-        for j in range(u):
-            N[i, j] = normal[i, j]
-        N[i, i] += multiplier
-        for j in range(q):
-            right[i, j] = A[j, i]
-        right[i, q] = normal[i, u]
-    return N, solved(N, right)
-
-
-@kernel
-def floats(
-    epochs: LinkArrays, k: int, links: IntArray, A: FloatArray, by_code: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the cycles of phase minus the range that code gives, (q,), and their covariance."""
-    q, u = len(links), len(by_code)
-    cycles, covariance = np.empty(q), link_covariance(links, epochs.phase_variance_m2[k])
-    for i in range(q):
-        wavelength_m = epochs.wavelength_m[links[i, 1]]
-        cycles[i] = epochs.phase_m[k, links[i, 0], links[i, 1]]
-        for c in range(u):
-            cycles[i] -= A[i, c] * by_code[c, q]
-            for j in range(i + 1):
-                covariance[i, j] += A[i, c] * by_code[c, j]
-        cycles[i] /= wavelength_m
-        for j in range(i + 1):
-            covariance[i, j] /= wavelength_m * epochs.wavelength_m[links[j, 1]]
-            covariance[j, i] = covariance[i, j]
-    return cycles, covariance

@@ -1,14 +1,12 @@
 """Resolvers that use the past only: what a filter may ask at the time of an epoch."""
 
-from collections import Counter
 from dataclasses import dataclass, is_dataclass, replace
 
 import numpy as np
 
-from fgnav.checks import losses_of
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Integers, Resolver
+from fgnav.types.integers import Integers, Resolver, joined
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,31 +31,7 @@ class EpochByEpoch:
         """Resolve each epoch alone."""
         n = len(differences.t_s)
         parts = [self.resolver(differences.resampled(np.array([k])), flight) for k in range(n)]
-        if not parts:
-            return self.resolver(differences, flight)
-        wrong = [one.wrong_probability for one in parts]
-        reasons = [one.reasons for one in parts]
-        lost: Counter[tuple[str, str]] = Counter()
-        for one in parts:
-            for loss in one.losses:
-                lost[loss.what, loss.reason] += loss.count
-        return Integers(
-            resolver=self.name,
-            cycles=np.concatenate([one.cycles for one in parts]),
-            fixed=np.concatenate([one.fixed for one in parts]),
-            ratio=np.concatenate([one.ratio for one in parts]),
-            wrong_probability=(
-                None
-                if any(p is None for p in wrong)
-                else np.concatenate([p for p in wrong if p is not None])
-            ),
-            reasons=(
-                None
-                if any(r is None for r in reasons)
-                else tuple(text for r in reasons if r is not None for text in r)
-            ),
-            losses=losses_of(lost),
-        )
+        return joined(self.name, parts) if parts else self.resolver(differences, flight)
 
 
 def looks_ahead(resolver: Resolver) -> bool:

@@ -1,12 +1,20 @@
 """Integers of a rigid array, of least constrained cost, accepted by their chance to be wrong."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 from scipy.special import chdtrc
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.integers.acceptance import (
+    WITHOUT_CODE,
+    not_fixed,
+    phase_links,
+    ratio,
+    share_so_far,
+    share_threshold,
+)
 from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
 from fgnav.integers.array.search import (
     ILL,
@@ -16,19 +24,12 @@ from fgnav.integers.array.search import (
     ConstrainedSearch,
     search_constrained,
 )
-from fgnav.integers.snooping import LEFT_OUT, Snooped, left_out_losses, snooped
-from fgnav.integers.validation import (
-    WITHOUT_CODE,
-    not_fixed,
-    phase_links,
-    ratio,
-    share_so_far,
-    share_threshold,
-)
+from fgnav.integers.identification import Residuals, exclude_links, touched, w_tests
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers
 
+LEFT_OUT = "left out: its residual is no noise, and without it the epoch's others are"
 _APART_M = 1e-3  # an array smaller than the noise of phase constrains nothing
 _GIVEN_UP = {
     "integer search given up before anything fitted": UNFINISHED,
@@ -109,17 +110,23 @@ class Constrained:
         if self.estimate_noise:
             estimated = with_noise_so_far if self.causal else with_estimated_noise
             differences = estimated(differences, self.nodes)
-        result = self._snooped(differences)
-        searched = result.searched
-        accepted, refused = self._validated(searched)
+        sets = _Sets(
+            differences,
+            search_constrained(differences, self.nodes),
+            np.zeros(differences.phase_m.shape, dtype=np.bool_),
+            self,
+        )
+        sets, left_out = exclude_links(sets, differences.resolvable, self.links_out)
+        searched = sets.searched
+        accepted, refused = self._validated(searched, sets.fails())
         refused = {reason: affected for reason, affected in refused.items() if affected.any()}
         links = differences.resolvable
         fixed = links & accepted[:, None, None]
-        left_out = fixed & result.unresolved
-        fixed &= ~left_out
+        lacking = fixed & sets.without_links
+        fixed &= ~lacking
         reasons = {reason: links & affected[:, None, None] for reason, affected in refused.items()}
         antennas = tuple(antenna.name for antenna in flight.antennas)
-        out = result.left_out & accepted[:, None, None]
+        out = left_out & accepted[:, None, None]
         costs = np.where(np.isfinite(searched.costs), searched.costs, np.nan)
         return Integers(
             resolver=self.name,
@@ -127,36 +134,18 @@ class Constrained:
             fixed=fixed,
             ratio=np.where(links.any(axis=2), ratio(costs)[:, None], np.nan),
             wrong_probability=searched.wrong_probability,
-            reasons=_reasons(refused, left_out, links),
+            reasons=_reasons(refused, lacking, links),
             losses=(
                 *not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
-                *left_out_losses(differences, antennas, out),
+                *_left_out_losses(differences, antennas, out),
             ),
         )
 
-    def _snooped(self, differences: DoubleDifferences) -> Snooped:
-        searched = search_constrained(differences, self.nodes)
-        return snooped(
-            differences,
-            searched,
-            self._spoilt(searched),
-            links_max=self.links_out,
-            tail=self.tail or 0.0,
-            nodes=self.nodes,
-        )
-
-    def _spoilt(self, searched: ConstrainedSearch) -> BoolArray:
-        """Return the epochs, (n,), whose residuals are no noise."""
-        if self.tail is None:
-            return np.zeros(len(searched.status), dtype=np.bool_)
-        proven = searched.status == PROVEN
-        cost = np.where(proven, searched.costs[:, 0], 0.0)
-        return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < self.tail))
-
-    def _validated(self, searched: ConstrainedSearch) -> tuple[BoolArray, dict[str, BoolArray]]:
+    def _validated(
+        self, searched: ConstrainedSearch, spoilt: BoolArray
+    ) -> tuple[BoolArray, dict[str, BoolArray]]:
         """Return the epochs accepted, (n,), and the others by reason."""
         refused = {reason: searched.status == end for reason, end in _GIVEN_UP.items()}
-        spoilt = self._spoilt(searched)
         accepted = (searched.status == PROVEN) & ~spoilt
         if self.tail is not None:
             refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
@@ -174,6 +163,68 @@ class Constrained:
             sure[sound] = share_so_far(wrong[sound], wrong_max)
             return f"{reason} so far", sure
         return reason, wrong <= -share_threshold(-wrong[sound], wrong[sound], wrong_max)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Sets:
+    """Epochs searched, some without some links."""
+
+    differences: DoubleDifferences
+    searched: ConstrainedSearch
+    without_links: BoolArray  # (n, b, m): differences that links left out take part in
+    resolver: Constrained
+
+    def fails(self) -> BoolArray:
+        tail, searched = self.resolver.tail, self.searched
+        if tail is None:
+            return np.zeros(len(searched.status), dtype=np.bool_)
+        proven = searched.status == PROVEN
+        cost = np.where(proven, searched.costs[:, 0], 0.0)
+        return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < tail))
+
+    def w_tests(self, rows: IntArray) -> FloatArray:
+        part = self.differences.resampled(rows).without_code(self.without_links[rows])
+        baselines_n_m = self.searched.baselines_n_m[rows]
+        at_reference = np.where(part.is_reference[:, None] & (part.phase_m == 0), 0.0, np.nan)
+        range_m = part.ranges_m(baselines_n_m)
+        code_m = part.code_m - range_m
+        phase_m = part.phase_m - part.wavelength_m * self.searched.cycles[rows] - range_m
+        measured = [
+            Residuals(np.where(part.resolvable, off_m, at_reference), variance_m2)
+            for off_m, variance_m2 in (
+                (code_m, part.code_variance_m2),
+                (phase_m, part.phase_variance_m2),
+            )
+        ]
+        return w_tests(part, measured, baselines_n_m)
+
+    def without(self, rows: IntArray, links: BoolArray) -> "_Sets":
+        without_links = self.without_links.copy()
+        part = self.differences.resampled(rows)
+        without_links[rows] = touched(part, links)
+        part = part.without_code(without_links[rows])
+        searched = self.searched.with_rows(rows, search_constrained(part, self.resolver.nodes))
+        return replace(self, searched=searched, without_links=without_links)
+
+
+def _left_out_losses(
+    differences: DoubleDifferences, antennas: tuple[str, ...], left_out: BoolArray
+) -> tuple[Loss, ...]:
+    """Return a loss for every antenna and channel of which links, (n, b + 1, m), were left out.
+
+    A double difference that lacks two such links is counted with the first.
+    """
+    losses, counted = [], ~differences.resolvable
+    for a, j in np.argwhere(left_out.any(axis=0)):
+        links = np.zeros_like(left_out)
+        links[:, a, j] = left_out[:, a, j]
+        lost = touched(differences, links) & ~counted
+        counted = counted | lost
+        # of two antennas nothing tells which one it is
+        antenna = " or ".join(antennas) if len(antennas) == 2 else antennas[a]
+        what = f"{antenna} {differences.satellites[j]} {differences.signals[j]} link"
+        losses.append(Loss(what=what, reason=LEFT_OUT, count=int(lost.sum())))
+    return tuple(losses)
 
 
 def _reasons(

@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray
+from fgnav.integers.acceptance import WITHOUT_CODE, not_fixed, phase_links, ratio
 from fgnav.integers.ils.affine import ILL, WEAK, search_array
 from fgnav.integers.ils.search import OK, UNFINISHED
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links, ratio
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers

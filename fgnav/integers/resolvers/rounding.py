@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from fgnav.integers.validation import WITHOUT_CODE, not_fixed, phase_links
+from fgnav.integers.acceptance import WITHOUT_CODE, not_fixed, phase_links
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Integers

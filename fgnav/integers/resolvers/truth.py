@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry import rotations
-from fgnav.integers.validation import not_fixed, phase_links
+from fgnav.integers.acceptance import not_fixed, phase_links
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.flight import Truth as FlightTruth

@@ -54,6 +54,7 @@ class GnssTable(Table, frozen=True, kw_only=True):
     phase_noise_m: float | None = None
     doppler_noise_mps: float | None = None
     elevation_weights: ElevationWeights = _NOISE.elevation_weights
+    atmosphere: bool = _NOISE.atmosphere
     wind_up: bool = _NOISE.wind_up
     message_errors: bool = _NOISE.message_errors
     satellite_error_rate_mps: float = _NOISE.satellite_error_rate_mps

@@ -4,7 +4,7 @@ from collections import Counter
 
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
-from fgnav.integers.validation import HANDED_OVER
+from fgnav.integers.acceptance import HANDED_OVER
 from fgnav.methods.smoothing.custom_sources import CustomFactors
 from fgnav.types.estimate import GraphSummary
 from fgnav.types.integers import Integers

@@ -59,14 +59,16 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
         return prepared
     nominal = _at_its_minimum(problem, motion)
     run, keyframes = decimated(problem)
-    found = _climbed(run)
-    highest = max(one.log_posterior for one in found.values())
-    plausible = [place for place, one in found.items() if one.log_posterior > highest - _PLAUSIBLE]
+    candidates = _climbed(run)
+    highest = max(one.log_posterior for one in candidates.values())
+    plausible = [
+        place for place, one in candidates.items() if one.log_posterior > highest - _PLAUSIBLE
+    ]
     if len(keyframes) < len(problem.t_s):
-        found = {place: _candidate(problem, place) for place in plausible}
-    here = max(plausible, key=lambda place: found[place].log_posterior)
-    best = max(nominal, found[here], key=lambda one: one.log_posterior)
-    added = _spread(best, (nominal, *found.values()))
+        candidates = {place: _candidate(problem, place) for place in plausible}
+    here = max(plausible, key=lambda place: candidates[place].log_posterior)
+    best = max(nominal, candidates[here], key=lambda one: one.log_posterior)
+    added = _spread(best, (nominal, *candidates.values()))
     if best is nominal:
         return replace(prepared, attitude_inflation_rad2=added)
     note = prior_note(_prior(here))
@@ -81,17 +83,17 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
 
 def _climbed(problem: Problem) -> dict[tuple[int, int], _Candidate]:
     """Return the places of the grid that a climb to the likeliest has met."""
-    found = {_BEGIN: _candidate(problem, _BEGIN)}
+    candidates = {_BEGIN: _candidate(problem, _BEGIN)}
     here = _BEGIN
     while True:
         around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
         for place in around:
-            if place not in found and min(place) >= _LEAST and place[0] <= _LONGEST:
-                found[place] = _candidate(problem, place)
-        near = [here, *(place for place in around if place in found)]
-        likeliest = max(near, key=lambda place: found[place].log_posterior)
+            if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
+                candidates[place] = _candidate(problem, place)
+        near = [here, *(place for place in around if place in candidates)]
+        likeliest = max(near, key=lambda place: candidates[place].log_posterior)
         if likeliest == here:
-            return found
+            return candidates
         here = likeliest
 
 

@@ -14,7 +14,6 @@ from fgnav.alignment.in_motion.windows import WINDOW_S
 from fgnav.assembly.prepared import Earlier, PreparedFlight
 from fgnav.assembly.truncation import truncated
 from fgnav.gnss.signals import band, select
-from fgnav.gnss.single_point.atmosphere_choice import is_decided
 from fgnav.gnss.single_point.model import code_channels
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.types.flight import Flight
@@ -50,15 +49,11 @@ def going_on(flight: Flight, prepared: PreparedFlight) -> GoingOn | None:
     if from_s - _MARGIN_S < max(known_s, earlier.motion.first_s, float(imu.t_s[0])) + _LEAST_S:
         return None
     observations = flight.observations
-    if observations is not None:
-        channels = code_channels(observations, 0, causal=True)
-        if not is_decided(flight, observations, channels):
-            return None
     kept = truncated(flight, np.inf, after_s=from_s)
     samples = truncated(flight, np.inf, after_s=from_s - _MARGIN_S).imu
     kept = replace(kept, imu=samples, **_surroundings(flight, from_s))
     if observations is not None:
-        kept = replace(kept, observations=_without_beginning(flight, observations, from_s))
+        kept = replace(kept, observations=_without_beginning(observations, from_s))
     rotation = earlier.motion.windows.rotation
     first = int(np.searchsorted(imu.t_s, from_s - _MARGIN_S, side="right"))
     motion = earlier.motion.after(from_s, rotation.R_ub[first])
@@ -86,7 +81,7 @@ def _solved_s(flight: Flight) -> float:
     return float(flight.fixes[0].t_s[-1]) if flight.fixes else -np.inf
 
 
-def _without_beginning(flight: Flight, observations: Observations, from_s: float) -> Observations:
+def _without_beginning(observations: Observations, from_s: float) -> Observations:
     """Return the epochs after a time, and what those before have decided."""
     channels = code_channels(observations, 0, causal=True)
     named = zip(channels.satellites, channels.signals, strict=True)
@@ -97,6 +92,5 @@ def _without_beginning(flight: Flight, observations: Observations, from_s: float
         t_s=gone if before is None else np.append(before.t_s, gone),
         bands={satellite[0]: band(satellite, signal) for satellite, signal in named},
         signals={key: signals for key, signals in chosen.items() if all(signals)},
-        has_atmosphere=code_solution(flight, causal=True).atmosphere,
     )
     return replace(observations[observations.t_s > from_s], earlier=earlier)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
-from fgnav.integers.validation import not_fixed, phase_links
+from fgnav.integers.acceptance import not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
 from fgnav.neural.measures import Sensor
 from fgnav.neural.network import Network

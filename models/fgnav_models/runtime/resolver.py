@@ -3,24 +3,24 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.integers.acceptance import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.integers.arcs.resolver import Arcs, noise_as_shown
 from fgnav.integers.array.candidates import Candidates, candidates
 from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
+from fgnav.integers.identification import touched
 from fgnav.integers.resolvers.constrained import Constrained
-from fgnav.integers.snooping import touched
-from fgnav.integers.validation import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.neural.integers import integer_answers
 from fgnav.neural.manifest import Statistic
 from fgnav.neural.measures import Sensor
 from fgnav.neural.network import Network as Contracted
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Integers
+from fgnav.types.integers import Integers, joined
 from fgnav_models.runtime.load import for_resolver
 from fgnav_models.trust_features import (
     FEATURES,
@@ -116,7 +116,8 @@ class Network:
         accepted = self._accepted(differences.resampled(inside), network)
         texts = tuple(outside[k] for k in at)
         others = self._beyond(differences.resampled(at), flight, texts)
-        return _merged((inside, accepted), (at, others))
+        order = np.argsort(np.concatenate([inside, at]))
+        return joined(self.name, (accepted, others), order)
 
     def _accepted(self, differences: DoubleDifferences, network: Contracted) -> Integers:
         trust = trusted(differences, network, nodes=self.fallback.nodes)
@@ -230,7 +231,7 @@ def trusted(differences: DoubleDifferences, network: Contracted, *, nodes: int) 
     top = best[some]
     cycles[some] = listed.cycles[top]
     worse[some] = rows.worse[top] > OUTLIER
-    bad = touched(differences, np.arange(n), worse)
+    bad = touched(differences, worse)
     agrees = ((listed.cycles == cycles[listed.epoch]) | bad[listed.epoch]).all(axis=(1, 2))
     right = np.bincount(listed.epoch, probability * agrees, n)
     wrong[some] = np.where(answers.within[top], np.clip(1.0 - right[some], 0.0, 1.0), 1.0)
@@ -277,24 +278,6 @@ def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatA
     most = np.where(is_present, value, -np.inf).max(axis=1, initial=-np.inf)
     some = is_present.any(axis=1)
     return np.where(some, least, 1.0), np.where(some, most, 1.0)
-
-
-def _merged(first: tuple[IntArray, Integers], second: tuple[IntArray, Integers]) -> Integers:
-    """Return the integers of two sets of epochs as those of all."""
-    order = np.argsort(np.concatenate([first[0], second[0]]))
-
-    def joined(key: str) -> Any:  # noqa: ANN401  # as that key's array
-        return np.concatenate([getattr(part, key) for _, part in (first, second)])[order]
-
-    return Integers(
-        resolver=first[1].resolver,
-        cycles=joined("cycles"),
-        fixed=joined("fixed"),
-        ratio=joined("ratio"),
-        wrong_probability=joined("wrong_probability"),
-        reasons=tuple(joined("reasons").tolist()),
-        losses=(*first[1].losses, *second[1].losses),
-    )
 
 
 @cache

@@ -186,11 +186,11 @@ def test_a_long_table_has_its_head_on_every_sheet():
 
 
 def test_each_format_is_written_and_pictures_of_an_earlier_report_go(flown_report, tmp_path):
-    parts = [part_of(flown_report, name) for name in ("summary", "allan")]
+    parts = [part_of(flown_report, name) for name in ("summary", "errors")]
     few = replace(flown_report, parts=parts)
     (tmp_path / "report-mine.png").write_bytes(b"not of fgnav")
     write(few, tmp_path / "report.png")
-    assert {path.name for path in tmp_path.iterdir()} >= {"report.png", "report-allan.png"}
+    assert {path.name for path in tmp_path.iterdir()} >= {"report.png", "report-errors.png"}
     write(replace(few, parts=parts[:1]), tmp_path / "report.png")
     assert {path.name for path in tmp_path.iterdir()} == {"report.png", "report-mine.png"}
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")

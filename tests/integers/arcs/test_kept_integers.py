@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from fgnav.gnss.difference import double_differences
+from fgnav.integers.acceptance import phase_links
 from fgnav.integers.resolvers.truth import Truth, attitude_at, kept_integers, true_integers
-from fgnav.integers.validation import phase_links
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.types.flight import LinkIntegers
 from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable

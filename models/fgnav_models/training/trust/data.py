@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.candidates import candidates
-from fgnav.integers.snooping import touched
+from fgnav.integers.identification import touched
 from fgnav.io.strict_toml import Positive, Table, Vector
 from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_features import OUTLIER, trust_rows
@@ -113,7 +113,7 @@ def samples_of(draw: Draw, rng: np.random.Generator, *, nodes: int) -> TrustSamp
     differences, true = drawn_epochs(draw, rng)
     listed = candidates(differences, nodes=nodes)
     rows = trust_rows(differences, listed)
-    bad = touched(differences, listed.epoch, rows.worse > OUTLIER)
+    bad = touched(differences.resampled(listed.epoch), rows.worse > OUTLIER)
     kept = differences.resolvable[listed.epoch] & ~bad
     right = (~kept | (listed.cycles == true[listed.epoch])).all(axis=(1, 2))
     return TrustSamples(

@@ -2,15 +2,15 @@
 
 import pytest
 
-from fgnav.alignment.array.adaptation import adapted
 from fgnav.gnss.difference import double_differences
 from fgnav.integers.resolvers.lambda_ import Lambda
+from fgnav.integers.validation import validated
 from fgnav.io.flight.folder import load_flight
 from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight
 
-# Epochs of 120 that single epochs have wrong, and those used and wrong after adaptation.
-WHOLE = {20: (84, 119, 0), 30: (109, 119, 3), 35: (117, 108, 8)}
-CAUSAL = {20: (84, 105, 7), 30: (109, 106, 12), 35: (117, 71, 9)}
+# Epochs of 120 that single epochs have wrong, and those used and wrong after validation.
+WHOLE = {20: (84, 110, 0), 30: (109, 80, 3), 35: (117, 50, 8)}
+CAUSAL = {20: (84, 80, 4), 30: (109, 80, 5), 35: (117, 45, 1)}
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def test_arcs_are_right_though_most_epochs_are_wrong(flight, mask_deg, causal):
     true = surveyed_cycles(differences)
     before, used, after = (CAUSAL if causal else WHOLE)[mask_deg]
     assert (resolved.fixed & (resolved.cycles != true)).any(axis=(1, 2)).sum() == before
-    found = adapted(differences, resolved, ("WTZR", "WTZZ"), 1e-4, causal=causal)
+    found = validated(differences, resolved, ("WTZR", "WTZZ"), 1e-4, causal=causal)
     fixed = found.integers.fixed & ~found.refused[:, None, None]
     assert fixed.any(axis=(1, 2)).sum() >= used
     assert (fixed & (found.integers.cycles != true)).any(axis=(1, 2)).sum() <= after
