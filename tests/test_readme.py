@@ -11,7 +11,14 @@ from fgnav.integers.resolvers.registry import resolver_names
 from fgnav.methods import METHODS
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("models/**/*.md"), *ROOT.glob("sim/*.md")])
+DOCUMENTS = sorted(
+    [
+        *ROOT.glob("*.md"),
+        *ROOT.glob("models/**/*.md"),
+        *ROOT.glob("sim/*.md"),
+        *ROOT.glob("docs/**/*.md"),
+    ]
+)
 
 
 def typed(option: str) -> set[str]:
@@ -30,6 +37,8 @@ def typed(option: str) -> set[str]:
     ],
 )
 def test_names_in_the_documents_are_registered(option, known):
-    given = typed(option)
-    assert given
-    assert given <= set(known)
+    assert typed(option) <= set(known)
+
+
+def test_documents_name_methods():
+    assert typed("method")

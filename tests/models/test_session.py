@@ -107,7 +107,7 @@ def test_a_fork_asks_a_process_of_its_own(tmp_path):
 
 def test_a_process_that_crashes_is_one_line(tmp_path):
     network = load(written(tmp_path, onnx_bytes()))
-    network._session._child.kill()
+    network.runtime._child.kill()
     with pytest.raises(BadInputError, match=r"toy\.onnx: .*its process ended with status -9"):
         said(network, X)
     assert said(network, X).shape == (4, 2)
