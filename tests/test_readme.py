@@ -24,7 +24,7 @@ DOCUMENTS = sorted(
 def typed(option: str) -> set[str]:
     """Return the values that the documents give an option, lists taken apart."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in DOCUMENTS)
-    given = re.findall(rf"--{option} ([a-z][a-z,-]*)", text)
+    given = re.findall(rf"--{option} ([a-z][a-z,-]*)(?![\w:])", text)
     return {name for values in given for name in values.split(",") if name}
 
 
