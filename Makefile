@@ -36,7 +36,7 @@ $(DEV): pyproject.toml constraints.txt | $(BIN)/python
 demo: $(RUN)
 	rm -rf demo
 	$(BIN)/fgnav demo demo
-	$(BIN)/fgnav compare demo/flight --noise stated --integers lambda --factors gravity --method smoother \
+	$(BIN)/fgnav compare demo/flight --noise nominal --integers lambda --factors gravity --method smoother \
 	  --without baselines,gravity,line-of-sight,vehicle --json demo/worth.json
 
 # Notebooks run whole, one after another: what the first compiles, a minute or three of it, the others and the tests

@@ -56,7 +56,7 @@ class NoSolutionError(FgnavError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loss:
+class Unused:
     """Something that was measured and is not used: what, why, how often.
 
     Attributes
@@ -74,9 +74,9 @@ class Loss:
     count: int
 
 
-def losses_of(counts: Mapping[tuple[str, str], int]) -> tuple[Loss, ...]:
-    """Return losses by what and reason, each with its count; none of zero."""
-    return tuple(Loss(what=w, reason=r, count=int(n)) for (w, r), n in counts.items() if n > 0)
+def unused_of(counts: Mapping[tuple[str, str], int]) -> tuple[Unused, ...]:
+    """Return unused by what and reason, each with its count; none of zero."""
+    return tuple(Unused(what=w, reason=r, count=int(n)) for (w, r), n in counts.items() if n > 0)
 
 
 def quoted(value: object) -> str:

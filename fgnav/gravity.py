@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from fgnav import plugins
-from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
+from fgnav.checks import BadInputError, FloatArray, Unused, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.geometry.rotations import skew
@@ -33,14 +33,14 @@ class GravityDirection:
         Unit vectors; level, they point along +z_b.
     covariance : ndarray, shape (k, 3, 3)
         Of the unit vectors.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Stretches of the flight without an answer.
     """
 
     t_s: FloatArray
     g_b: FloatArray
     covariance: FloatArray
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -140,8 +140,8 @@ class LowDynamics:
         wrong_size = np.abs(size - g_mps2) > self.size_tolerance_mps2
         restless = ~wrong_size & (spread > self.steadiness_mps2)
         reasons = {"size is not that of gravity": wrong_size, "samples are not steady": restless}
-        losses = tuple(
-            Loss(
+        unused = tuple(
+            Unused(
                 what=f"gravity window of {self.window_s:g} s", reason=reason, count=int(lost.sum())
             )
             for reason, lost in reasons.items()
@@ -161,7 +161,7 @@ class LowDynamics:
             variance += 3 * spread[keep] ** 2 / g_mps2**2
         across = np.eye(3) - g_b[:, :, None] * g_b[:, None, :]
         return GravityDirection(
-            t_s=t_s[keep], g_b=g_b, covariance=variance[:, None, None] * across, losses=losses
+            t_s=t_s[keep], g_b=g_b, covariance=variance[:, None, None] * across, unused=unused
         )
 
 

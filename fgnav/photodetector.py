@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss, freeze, positive
+from fgnav.checks import BoolArray, FloatArray, Unused, freeze, positive
 from fgnav.types.flight import Photodetector
 
 _REPEATED = 3  # samples with the very same largest current: no noise does that
@@ -21,14 +21,14 @@ class LineOfSight:
         Unit vectors in body axes.
     sigma_rad : float
         Standard deviation of the direction about each of the two axes across it.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Samples that show no landmark.
     """
 
     t_s: FloatArray
     e_b: FloatArray
     sigma_rad: float
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -84,13 +84,13 @@ def line_of_sight(
         "a current stands at its limit": lit & cut,
         "spot off the detector or beyond its calibration": lit & ~cut & ~on_detector,
     }
-    losses = tuple(
-        Loss(what="photodetector sample", reason=reason, count=int(lost.sum()))
+    unused = tuple(
+        Unused(what="photodetector sample", reason=reason, count=int(lost.sum()))
         for reason, lost in reasons.items()
         if lost.any()
     )
     sigma_rad = photodetector.line_of_sight_sigma_rad if sigma_rad is None else sigma_rad
-    return LineOfSight(t_s=photodetector.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, losses=losses)
+    return LineOfSight(t_s=photodetector.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, unused=unused)
 
 
 def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:

@@ -204,7 +204,7 @@ def show_comparison(comparison: "Comparison") -> None:
 
 def show_diagnosis(diagnosis: "Diagnosis") -> None:
     """Print what is in a flight, what is wrong with it, and what could not be checked."""
-    from fgnav.evaluation.report.summary import loss_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.summary import unused_lines  # noqa: PLC0415
 
     facts = list(_facts(diagnosis))
     name_width = max(len(name) for name, _ in facts)
@@ -214,7 +214,7 @@ def show_diagnosis(diagnosis: "Diagnosis") -> None:
     lines += [f"  {finding}" for finding in diagnosis.findings]
     lines += ["not checked"] if diagnosis.unchecked else []
     lines += [f"  {unchecked}" for unchecked in diagnosis.unchecked]
-    show_lines([*lines, *(f"  {line}" for line in loss_lines({"files": diagnosis.losses}))])
+    show_lines([*lines, *(f"  {line}" for line in unused_lines({"files": diagnosis.unused}))])
 
 
 def _facts(diagnosis: "Diagnosis") -> Iterator[tuple[str, str]]:

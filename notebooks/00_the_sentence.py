@@ -44,7 +44,7 @@ flight
 
 # %%
 network = resolver_named("network")
-smoother = fgnav.Smoother(resolver=network, factors=("gravity",), noise="stated")
+smoother = fgnav.Smoother(resolver=network, factors=("gravity",), noise="nominal")
 estimate = smoother(flight)
 print(estimate.graph)
 for name, answers in estimate.graph.networks.items():

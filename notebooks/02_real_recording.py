@@ -132,7 +132,7 @@ rows = {
     for name in ("t_s", "p_n_m", "v_n_mps", "position_sigma_m", "velocity_sigma_mps")
 }
 holed = replace(flight, fixes=(replace(fixes, **rows),))
-methods = (Smoother(estimate=("velocity-delay",)), Batch(estimate=("velocity-delay",)))
+methods = (Smoother(calibrate=("velocity-delay",)), Batch(calibrate=("velocity-delay",)))
 prepared = methods[0].prepare(holed)
 estimates = {method.name: method.estimate_prepared(holed, prepared) for method in methods}
 for note in estimates["batch"].notes[:5]:

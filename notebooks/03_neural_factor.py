@@ -211,8 +211,8 @@ save_manifest(msgspec.structs.replace(manifest, output=output), folder / "sun.js
 # %%
 flight, record = flown(1)
 factor = NeuralFactor(folder / "sun.json", records={"photodiodes": record})
-without = fgnav.Smoother(noise="stated")(flight)
-estimate = replace(fgnav.Smoother(noise="stated"), factors=(factor,))(flight)
+without = fgnav.Smoother(noise="nominal")(flight)
+estimate = replace(fgnav.Smoother(noise="nominal"), factors=(factor,))(flight)
 for name, one in (("without", without), ("with", estimate)):
     R_nb, _ = attitude_at(flight.truth, one.t_s)
     error = rotations.log(rotations.transpose(one.R_nb) @ R_nb)
@@ -227,6 +227,6 @@ for name, one in (("without", without), ("with", estimate)):
 # %%
 for test in estimate.consistency:
     print(f"{test.what:20} {test.count:5} answers, NIS {test.nis:.2f}")
-for lost in estimate.losses:
+for lost in estimate.unused:
     print(f"{lost.what}: {lost.count}, {lost.reason}")
 assert estimate.sigma_deg[:, 2].max() < 3.0

@@ -32,7 +32,7 @@ from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.methods.smoother import Forward
-from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 
@@ -72,10 +72,10 @@ def keyframe(k):
 # take.
 
 # %%
-set_up = StreamSetUp(
+config = StreamConfig(
     origin=flight.origin, antenna_b_m=flight.antennas[0].position_b_m, magnetometer=compass
 )
-stream = Stream(set_up, lag_s=3.0)
+stream = Stream(config, lag_s=3.0)
 course_rad = np.arctan2(fixes.v_n_mps[:1, 1], fixes.v_n_mps[:1, 0])
 level = rotations.from_euler(np.zeros(1), np.zeros(1), course_rad)[0]
 
@@ -84,9 +84,9 @@ for k in range(len(fixes.t_s)):
     measured = keyframe(k) if k else replace(keyframe(k), R_nb=level)
     started_s = perf_counter()
     smoothed.append(stream.update(measured))
-    newest.append(stream.newest())
+    newest.append(stream.latest())
     seconds.append(perf_counter() - started_s)
-smoothed.append(stream.rest())
+smoothed.append(stream.flush())
 late = 1e3 * np.array(seconds[10:])
 print(f"{np.median(late):.1f} ms an update, 99 % below {np.percentile(late, 99):.1f} ms,", end="")
 print(" while the next epoch is 100 ms away")
@@ -129,7 +129,7 @@ _ = axes.legend()
 
 # %%
 raw = truncated(replace(flight, magnetometer=None, barometer=None, photodetector=None), 6.0)
-stated = Forward(noise="stated")
+stated = Forward(noise="nominal")
 answers, seconds = [], []
 started_s = perf_counter()
 for answer in Stream.replay(raw, stated):

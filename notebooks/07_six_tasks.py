@@ -49,7 +49,7 @@ flight = fgnav.Flight.from_arrays(*samples, origin=origin, **fixes)
 # ## Sigmas
 
 # %%
-estimate = fgnav.method("batch", noise="stated")(flight)
+estimate = fgnav.method("batch", noise="nominal")(flight)
 print(estimate)
 print(estimate.sigma_deg[-1], estimate.position_sigma_m[-1], estimate.velocity_sigma_mps[-1])
 
@@ -66,7 +66,7 @@ def climb(_flight, timeline):
         yield fgnav.graph.residual_factor("climb", [fgnav.graph.velocity(k)], *speed)
 
 
-with_climb = fgnav.Batch(noise="stated", factors=(climb,))(flight)
+with_climb = fgnav.Batch(noise="nominal", factors=(climb,))(flight)
 
 # %% [markdown]
 # ## A network of one's own
@@ -101,7 +101,7 @@ file = {"onnx": "net.onnx", "sha256": sha256((folder / "net.onnx").read_bytes())
 manifest = fgnav.neural.Manifest(inputs=inputs, output=output, **known, **file)
 fgnav.neural.save_manifest(manifest, folder / "net.json")
 network = fgnav.NeuralFactor(folder / "net.json")
-with_network = fgnav.Batch(noise="stated", factors=(network,))(flight)
+with_network = fgnav.Batch(noise="nominal", factors=(network,))(flight)
 
 # %% [markdown]
 # ## Two resolvers over several flights

@@ -285,7 +285,7 @@ def test_more_times_than_memory_holds_are_refused(folder, tmp_path, capsys):
 
 
 def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys):
-    command = ["run", str(folder), "--method", "batch", "--estimate", "lever-arm, antenna:a4=0.02"]
+    command = ["run", str(folder), "--method", "batch", "--calibrate", "lever-arm, antenna:a4=0.02"]
     assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]["batch"]
     names = [one["name"] for one in told["constants"]]
@@ -346,8 +346,11 @@ def test_run_takes_one_method(folder, tmp_path, capsys):
         (["compare", "nowhere", "--metod", "rtk"], "Did you mean --method?"),
         (["compare", "nowhere", "--integers", "magic"], "magic"),
         (["compare", "nowhere", "--method", ","], "--method: names no method"),
-        (["compare", "nowhere", "--estimate", "landmrk"], "'landmrk' is none of landmark"),
-        (["run", "nowhere", "--out", "o", "--method", "rtk", "--estimate", "landmark"], "only smo"),
+        (["compare", "nowhere", "--calibrate", "landmrk"], "'landmrk' is none of landmark"),
+        (
+            ["run", "nowhere", "--out", "o", "--method", "rtk", "--calibrate", "landmark"],
+            "only smo",
+        ),
         (
             ["run", "nowhere", "--out", "o", "--method", "rtk", "--rate", "9"],
             "its own epochs alone",

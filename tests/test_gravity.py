@@ -32,7 +32,7 @@ def test_a_still_accelerometer_shows_the_direction_of_gravity():
     assert len(answer.t_s) == 4
     np.testing.assert_allclose(answer.t_s, [0.245, 0.745, 1.245, 1.745], atol=1e-9)
     np.testing.assert_allclose(answer.g_b, [g_b / np.linalg.norm(g_b)] * 4, atol=1e-12)
-    assert answer.losses == ()
+    assert answer.unused == ()
 
 
 def test_covariance_lies_across_gravity_and_states_unmodelled_acceleration():
@@ -49,7 +49,7 @@ def test_free_fall_and_shaking_are_counted_gaps():
     f_b_mps2[100:200, 0] = np.where(np.arange(100) % 2, 2.0, -2.0)
     answer = LowDynamics()(flight(t_s, f_b_mps2))
     np.testing.assert_allclose(answer.t_s, [2.245, 2.745], atol=1e-9)
-    assert {loss.reason: loss.count for loss in answer.losses} == {
+    assert {loss.reason: loss.count for loss in answer.unused} == {
         "size is not that of gravity": 2,
         "samples are not steady": 2,
     }

@@ -41,22 +41,22 @@ def test_a_current_cut_at_its_limit_is_a_counted_gap():
     limit = currents[6, 3]  # the last three reach it
     sight = line_of_sight(photodetector(np.minimum(currents, limit)))
     np.testing.assert_array_equal(sight.t_s, np.arange(6))
-    assert [(loss.reason, loss.count) for loss in sight.losses] == [
+    assert [(loss.reason, loss.count) for loss in sight.unused] == [
         ("a current stands at its limit", 3)
     ]
     whole = line_of_sight(photodetector(currents))
     np.testing.assert_array_equal(whole.e_b[:6], sight.e_b)
-    assert whole.losses == ()
+    assert whole.unused == ()
 
 
 def test_a_record_that_does_not_change_is_not_cut():
-    assert line_of_sight(photodetector([[1.0, 2.0, 1.5, 1.2]] * 5)).losses == ()
+    assert line_of_sight(photodetector([[1.0, 2.0, 1.5, 1.2]] * 5)).unused == ()
 
 
 def test_equal_currents_look_along_the_boresight():
     sight = line_of_sight(photodetector([[1, 1, 1, 1], [7, 7, 7, 7]]))
     np.testing.assert_array_equal(sight.e_b, [[1, 0, 0], [1, 0, 0]])
-    assert sight.losses == ()
+    assert sight.unused == ()
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,7 @@ def test_dark_quadrants_and_spots_off_the_detector_are_counted_gaps():
     currents = [[1, 1, 1, 1], [0, 1, 1, 1], [1, -1, 1, 1], [1e9, 1, 1, 1], [2, 1, 1, 1]]
     sight = line_of_sight(photodetector(currents))
     np.testing.assert_array_equal(sight.t_s, [0, 4])
-    assert {loss.reason: loss.count for loss in sight.losses} == {
+    assert {loss.reason: loss.count for loss in sight.unused} == {
         "a current is zero or below": 2,
         "spot off the detector or beyond its calibration": 1,
     }
@@ -102,7 +102,7 @@ def test_calibration_past_the_rim_makes_a_gap():
     past_rim = np.array([[0.0, 0.0], [1.0, 0.6], [2.0, 1.2]])
     sight = line_of_sight(photodetector([[np.exp(1.9), 1, 1, 1]], curve=past_rim))
     assert len(sight.t_s) == 0
-    assert sight.losses[0].count == 1
+    assert sight.unused[0].count == 1
 
 
 def test_calibration_that_starts_off_the_centre_is_led_to_it():

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples, vectors
 from fgnav.io.importers.recording import Recording
@@ -88,7 +88,7 @@ def read_umn(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         tables=tables,
         clock="week",
         imu_noise=_IMU_NOISE,
-        losses=(Loss(what="imu sample", reason="before the first fix, or flagged", count=lost),),
+        unused=(Unused(what="imu sample", reason="before the first fix, or flagged", count=lost),),
         truth_source="filter",
         notes={"truth": "the on-board filter's estimate, not truth"},
     )

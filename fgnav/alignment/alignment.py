@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.attitude.imu_rotation import ImuRotation, despun
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected
 from fgnav.types.integers import Integers
@@ -29,7 +29,7 @@ class Alignment:
     refused: BoolArray  # (n,): epochs whose array phases contradict each other
     form: RotationQuadratic | None = None  # of the array's phases; None without an array
     integers: Integers | None = None
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     rejections: tuple[Rejected, ...] = ()
     notes: tuple[str, ...] = ()  # among them the gaps
     # Angles that neither the array nor another vector determines.

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fgnav.alignment.alignment import OF_FORM, Alignment, Rows
-from fgnav.alignment.array.pivot import View, pivot_losses, pivot_notes, pivot_views
+from fgnav.alignment.array.pivot import View, pivot_notes, pivot_unused, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.in_motion.attitudes import carried_attitudes
 from fgnav.alignment.in_motion.windows import EarlierMotion
@@ -60,8 +60,8 @@ def without_array(
     if not causal:
         return vector_attitudes(flight, gravity)
     track = track_of(flight, causal=True)
-    pairs, losses = measured_vectors(flight, track, causal=True)
-    return of_vectors(track.t_s, with_velocity(pairs, track), losses)
+    pairs, unused = measured_vectors(flight, track, causal=True)
+    return of_vectors(track.t_s, with_velocity(pairs, track), unused)
 
 
 class ArrayPhases(NamedTuple):
@@ -135,7 +135,7 @@ def of_arrays(
         start = _completed_by(start, other, view.rows)
     return replace(
         start,
-        losses=pivot_losses(views, start.losses),
+        unused=pivot_unused(views, start.unused),
         notes=tuple(dict.fromkeys((*start.notes, *pivot_notes(views)))),
     )
 
@@ -159,7 +159,7 @@ def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignme
         valid=put(start.valid, other.valid),
         form=form,
         refused=put(start.refused, other.refused),
-        losses=(*start.losses, *other.losses),
+        unused=(*start.unused, *other.unused),
         rejections=(*start.rejections, *other.rejections),
         notes=(*start.notes, *other.notes),
     )
@@ -180,7 +180,7 @@ def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment
         form=clean.form,
         integers=clean.integers,
         refused=clean.refused,
-        losses=(*differences.losses, *integers.losses),
+        unused=(*differences.unused, *integers.unused),
         rejections=clean.rejections,
         notes=(*clean.notes, *_antenna_gaps(names, differences)),
         unobservable=attitude.unobservable(),

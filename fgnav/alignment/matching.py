@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused, unused_of
 
 SAME_S = 1e-4  # measurements this close to a keyframe are of that keyframe
 
@@ -16,6 +16,6 @@ def nearest(have_s: FloatArray, want_s: FloatArray) -> tuple[IntArray, BoolArray
     return row, np.abs(have_s[row] - want_s) < SAME_S
 
 
-def unused(what: str, count: int, matched: BoolArray) -> tuple[Loss, ...]:
+def unmatched(what: str, count: int, matched: BoolArray) -> tuple[Unused, ...]:
     """Return the loss of measurements, ``count`` of them, that are at no keyframe."""
-    return losses_of({(what, "not at a keyframe"): count - int(matched.sum())})
+    return unused_of({(what, "not at a keyframe"): count - int(matched.sum())})

@@ -10,7 +10,7 @@ from fgnav.alignment.matching import nearest
 from fgnav.attitude.flight_vectors import Track, measured_vectors, track_of, with_velocity
 from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, wahba
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
@@ -45,14 +45,14 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
     """
     track = track_of(flight)
     rotation = None if flight.imu is None else imu_rotation(flight.imu)
-    pairs, losses = measured_vectors(flight, track, rotation)
+    pairs, unused = measured_vectors(flight, track, rotation)
     few = None
     if gravity is not None and "specific force" in pairs.sources:
         few = _by_gravity(flight.origin, track, pairs, gravity)
         if few is not None and _dense(few):
-            return replace(few, losses=losses, rotation=rotation)
+            return replace(few, unused=unused, rotation=rotation)
     assumed = with_velocity(pairs, track)
-    start = of_vectors(track.t_s, assumed, losses)
+    start = of_vectors(track.t_s, assumed, unused)
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
@@ -62,7 +62,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
     return replace(start, notes=_assumption_note(flight.imu, assumed), rotation=rotation)
 
 
-def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) -> Alignment:
+def of_vectors(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
     """Return attitudes of epochs, (n,), from their vector pairs, of a nominal covariance."""
     attitude = wahba(pairs.directions())
     determined = attitude.rank == 2
@@ -72,7 +72,7 @@ def of_vectors(t_s: FloatArray, pairs: VectorPairs, losses: tuple[Loss, ...]) ->
         covariance_rad2=np.tile(VECTOR_SIGMA_RAD**2 * np.eye(3), (len(t_s), 1, 1)),
         valid=determined,
         refused=np.zeros(len(t_s), dtype=np.bool_),
-        losses=losses,
+        unused=unused,
         rough=True,
     )
 

@@ -1,4 +1,4 @@
-"""Constants of a flight that are asked for: landmark, boresight, gravity's tilt, lever arm, array.
+"""Parameters of a flight that are asked for: landmark, boresight, gravity's tilt, lever arm, array.
 
 Each is how far something is from what the flight states, the landmark excepted, which is a place.
 Off unless asked for, but for the landmark, which always has its survey's doubt.
@@ -13,7 +13,7 @@ from fgnav.alignment.rates import FORCE_SPAN_S
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, quoted
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY
 from fgnav.graph.inertial.gyro_free import MEAN_RATE
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, flight_constant
 from fgnav.types.flight import Flight
 
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin
@@ -92,9 +92,9 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
         kind = "antenna" if kind == "antennas" and not of_one else kind
         of_kind = _KINDS.get(kind)
         if of_kind is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
-            raise BadInputError(f"estimate: {quoted(word)} is none of {', '.join(NAMES)}")
+            raise BadInputError(f"calibrate: {quoted(word)} is none of {', '.join(NAMES)}")
         if kind == name == "antenna":
-            raise BadInputError("estimate: 'antenna' must name one, antenna:a4, or be antennas")
+            raise BadInputError("calibrate: 'antenna' must name one, antenna:a4, or be antennas")
         value = _sigma(name, sigma) if equals else of_kind.sigma
         requests.append(
             CalibrationRequest(
@@ -106,7 +106,7 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
     named = [(one.kind, one.antenna) for one in requests]
     for word, of in zip(estimate, named, strict=True):
         if named.count(of) > 1 or (of[1] and ("antenna", None) in named):
-            raise BadInputError(f"estimate: {quoted(word)} is asked for twice")
+            raise BadInputError(f"calibrate: {quoted(word)} is asked for twice")
     return tuple(requests)
 
 
@@ -117,14 +117,14 @@ def _sigma(name: str, text: str) -> float:
         value = -1.0
     if not 0 < value < np.inf:
         raise BadInputError(
-            f"estimate: {quoted(name)}: after = comes a positive 1-sigma, got {quoted(text)}"
+            f"calibrate: {quoted(name)}: after = comes a positive 1-sigma, got {quoted(text)}"
         )
     return value
 
 
 def constants_of(
     words: tuple[CalibrationRequest, ...], flight: Flight, *, gravity: bool
-) -> tuple[FlightConstant, ...]:
+) -> tuple[Parameter, ...]:
     """Return the constants that are asked for.
 
     Parameters
@@ -148,10 +148,10 @@ def constants_of(
         "velocity-delay": all(one.v_n_mps is None for one in flight.fixes)
         and "the flight has no [fixes] with velocities",
     }
-    constants: list[FlightConstant] = []
+    constants: list[Parameter] = []
     for word in words:
         if lacking.get(word.kind):
-            raise BadInputError(f"estimate {word.kind}: {lacking[word.kind]}")
+            raise BadInputError(f"calibrate {word.kind}: {lacking[word.kind]}")
         if word.kind in _OF_TIME:
             constants += of_time(word)
             continue
@@ -164,13 +164,13 @@ def constants_of(
     return tuple(constants)
 
 
-def of_vehicle(word: CalibrationRequest) -> FlightConstant:
+def of_vehicle(word: CalibrationRequest) -> Parameter:
     """Return the constant that a word requests, of all but antennas."""
     kind = _KINDS[word.kind]
     return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
 
 
-def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[FlightConstant, ...]:
+def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Parameter, ...]:
     """Return the offset of the unit's clock within its doubt, unless it is asked for or exact.
 
     Of flights with a gyroscope and fixes: it leads from one to the next better than they see, and
@@ -193,7 +193,7 @@ def late_s(words: tuple[CalibrationRequest, ...]) -> float:
     return max((FORCE_SPAN_S, *(one.start for one in words if one.kind == "velocity-delay")))
 
 
-def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
+def of_time(word: CalibrationRequest) -> tuple[Parameter, ...]:
     """Return the constants of a clock, or of values that are late."""
     if word.kind == "velocity-delay":
         delay = flight_constant(VELOCITY_DELAY, ("delay",), "s", word.sigma)
@@ -207,9 +207,7 @@ def of_time(word: CalibrationRequest) -> tuple[FlightConstant, ...]:
     )
 
 
-def with_evidence(
-    constants: tuple[FlightConstant, ...], *, sight: bool
-) -> tuple[FlightConstant, ...]:
+def with_evidence(constants: tuple[Parameter, ...], *, sight: bool) -> tuple[Parameter, ...]:
     """Return constants that something measured.
 
     Raises
@@ -224,8 +222,8 @@ def with_evidence(
 
 
 def with_landmark(
-    constants: tuple[FlightConstant, ...], landmark_n_m: FloatArray
-) -> tuple[FlightConstant, ...]:
+    constants: tuple[Parameter, ...], landmark_n_m: FloatArray
+) -> tuple[Parameter, ...]:
     """Return constants with the landmark's place among them: surveyed, if it was not asked for."""
     if not any(one.name == "landmark" for one in constants):
         surveyed = flight_constant("landmark", _SPACE_N, "m", SURVEYED_M, reported=False)
@@ -238,7 +236,7 @@ def with_landmark(
     )
 
 
-def mean_rate() -> FlightConstant:
+def mean_rate() -> Parameter:
     """Return the constant about which the rate of a body without a gyroscope wanders."""
     one = flight_constant(MEAN_RATE, _SPACE_B, "rad/s", _MEAN_RATE_RADPS, reported=False)
     return replace(one, linear=True)
@@ -248,14 +246,14 @@ def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
     """Return which antennas a word means; the reference has the lever arm."""
     count = len(flight.antennas)
     if count < 2 or flight.observations is None:
-        raise BadInputError("estimate antennas: the flight has no array of antennas")
+        raise BadInputError("calibrate antennas: the flight has no array of antennas")
     if word.antenna is None:
         return tuple(range(1, count))
     names = [antenna.name for antenna in flight.antennas]
     if word.antenna not in names:
-        raise BadInputError(f"estimate antenna:{word.antenna}: not one of {', '.join(names)}")
+        raise BadInputError(f"calibrate antenna:{word.antenna}: not one of {', '.join(names)}")
     if word.antenna == names[0]:
         raise BadInputError(
-            f"estimate antenna:{word.antenna}: is the reference of the array; ask for lever-arm"
+            f"calibrate antenna:{word.antenna}: is the reference of the array; ask for lever-arm"
         )
     return (names.index(word.antenna),)

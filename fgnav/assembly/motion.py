@@ -12,8 +12,8 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameters
 from fgnav.messages import Note, note
 from fgnav.process.evidence import causal_rate_priors, rate_prior
 from fgnav.process.hyperparameters import RatePrior
@@ -33,7 +33,7 @@ _SUB_STEPS, _SUB_STEPS_WITH_GYROSCOPE = 1, 2
 def motion_of(
     stages: tuple[Aligned, Tracked],
     settings: ProblemSettings,
-    constants: Constants,
+    constants: Parameters,
     multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
     """Return what leads from keyframe to keyframe, gaps included, and what to note.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.assembly.position.numbered_arcs import EarlierArcs
 from fgnav.assembly.sensors.rest import Rest
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Unused
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
@@ -34,7 +34,7 @@ class PreparedFlight:
     earth_rate_n_radps: FloatArray  # (3,)
     epochs: int  # GNSS epochs of the flight, and times between them that are far apart
     integers: Integers | None
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
     timed: TimedMotion  # how keyframes move, by which clocks and delays show

@@ -31,14 +31,14 @@ from fgnav.assembly.sensors.rest import Rest, moving_antenna, resting_motion
 from fgnav.assembly.sensors.standstill import standing
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
-from fgnav.checks import BoolArray, Loss
+from fgnav.checks import BoolArray, Unused
 from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
-from fgnav.graph.types.constants import Constants, FlightConstant
+from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
@@ -65,7 +65,7 @@ def build_problem(
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
     inertial_record(flight.imu)
-    repeated: tuple[Loss, ...] = ()
+    repeated: tuple[Unused, ...] = ()
     if not settings.causal:
         flight, repeated = without_stuck(flight)
     last = last or LastObservations()
@@ -117,7 +117,7 @@ def build_problem(
         earth_rate_n_radps=stage.earth_rate_n_radps,
         epochs=stage.epochs,
         integers=stage.start.integers,
-        losses=(*_all(parts, "losses"), *repeated),
+        unused=(*_all(parts, "unused"), *repeated),
         rejections=_all(parts, "rejections"),
         notes=(*_all(parts, "notes"), *notes),
         timed=timed,
@@ -156,7 +156,7 @@ def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMo
 
 
 def _multipath(
-    stage: Aligned, requested: tuple[FlightConstant, ...]
+    stage: Aligned, requested: tuple[Parameter, ...]
 ) -> tuple[Multipath | None, tuple[str, ...]]:
     """Return the array's correlated errors; where its shape is asked for they look like it."""
     shape_requested = any(one.name.startswith("antenna ") for one in requested)
@@ -164,7 +164,7 @@ def _multipath(
 
 
 def _phase_before_heading(
-    phase: AntennaPhase | None, stage: Aligned, track: Tracked, constants: Constants
+    phase: AntennaPhase | None, stage: Aligned, track: Tracked, constants: Parameters
 ) -> AntennaPhase | None:
     """Return phases before the heading is known: turns wind them up about an open one, too."""
     phases, t_s = track.antenna.phases, track.t_s
@@ -201,11 +201,11 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 
 def _constants(
-    requested: tuple[FlightConstant, ...],
+    requested: tuple[Parameter, ...],
     stage: Aligned,
     others: Instruments,
     photodetector: Photodetector | None,
-) -> Constants:
+) -> Parameters:
     """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
     parts = with_evidence(requested, sight=others.is_landmark_seen)
     if others.is_landmark_seen and photodetector is not None:
@@ -213,14 +213,14 @@ def _constants(
     parts = (*parts, *others.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())
-    return Constants((*parts, *stage.float_arcs.constants))
+    return Parameters((*parts, *stage.float_arcs.constants))
 
 
 def _antennas(
     flight: Flight,
     stage: Aligned,
     track: Tracked,
-    requested: tuple[FlightConstant, ...],
+    requested: tuple[Parameter, ...],
     of: tuple[Multipath | None, TimedMotion],
 ) -> Iterator[Sensor]:
     """Yield the sensors of antennas."""
@@ -239,7 +239,7 @@ def _antennas(
 
 
 def _bound(
-    sensors: tuple[Sensor, ...], constants: Constants, timed: TimedMotion
+    sensors: tuple[Sensor, ...], constants: Parameters, timed: TimedMotion
 ) -> tuple[Sensor, ...]:
     """Return sensors of a problem, those of receivers on their clock."""
     late = {Velocity.name: VELOCITY_DELAY}
@@ -253,7 +253,7 @@ def _bound(
 
 
 def _start(
-    stage: Aligned, track: Tracked, constants: Constants, turning: Turning | None, width: int
+    stage: Aligned, track: Tracked, constants: Parameters, turning: Turning | None, width: int
 ) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb

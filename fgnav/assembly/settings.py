@@ -23,5 +23,5 @@ class ProblemSettings:
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False  # each quantity from epochs up to its own alone
-    noise: Literal["identified", "stated"] = "stated"
+    noise: Literal["estimated", "nominal"] = "nominal"
     at_rest: Mapping[str, float] = field(default_factory=dict, hash=False)  # of motion

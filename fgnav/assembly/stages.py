@@ -29,10 +29,10 @@ from fgnav.assembly.position.by_observations import ByObservations
 from fgnav.assembly.position.gate import InertialTrack, gated
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.attitude.imu_rotation import imu_rotation, spun
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError, losses_of
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError, Unused, unused_of
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
-from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.parameters import Parameter
 from fgnav.gravity import GravityDirection, causal_gravity
 from fgnav.integrity.imu_screen import without_faulty, without_stuck_so_far
 from fgnav.types.estimate import Rejected
@@ -48,7 +48,7 @@ class Aligned(NamedTuple):
     float_arcs: FloatArcs
     rates: FloatArray  # (n, 3), approximate
     epochs: int
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
     by: ByObservations | None
     earth_rate_n_radps: FloatArray  # (3,)
     causal: bool = False
@@ -88,7 +88,7 @@ class Tracked(NamedTuple):
     places_n_m: FloatArray  # (n, 3), about where the antenna is
     gravity_n_mps2: FloatArray
     rejections: tuple[Rejected, ...]
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
 
 
 def inertial_record(imu: Imu | None) -> Imu:
@@ -103,7 +103,7 @@ def inertial_record(imu: Imu | None) -> Imu:
 def aligned(
     flight: Flight,
     settings: ProblemSettings,
-    requested: tuple[FlightConstant, ...],
+    requested: tuple[Parameter, ...],
     by: ByObservations | None,
     earlier: EarlierMotion | None = None,
 ) -> Aligned:
@@ -129,7 +129,7 @@ def aligned(
         epochs = of_arrays(flight, by.array, causal=causal)
     else:
         epochs = without_array(flight, down, causal=causal, earlier=earlier)
-    start, count, losses = chosen_keyframes(
+    start, count, unused = chosen_keyframes(
         record.imu, epochs, measured_times_s(flight), causal=causal, earlier=earlier
     )
     start, float_arcs = _float_arcs(start, settings, requested)
@@ -140,7 +140,7 @@ def aligned(
         float_arcs,
         _rates(record.imu, start, causal=causal),
         count,
-        (*faulty, *losses),
+        (*faulty, *unused),
         by,
         flight.origin.earth_rate_n_radps,
         causal,
@@ -179,7 +179,7 @@ def chosen_keyframes(
     *,
     causal: bool = False,
     earlier: EarlierMotion | None = None,
-) -> tuple[Alignment, int, tuple[Loss, ...]]:
+) -> tuple[Alignment, int, tuple[Unused, ...]]:
     """Choose epochs, times between them and others as keyframes; count the rest with reasons.
 
     Causal: times between them do not depend on the next, and go on after the last.
@@ -213,7 +213,7 @@ def chosen_keyframes(
             f"{reason_without_attitude(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
-    start, losses = kept(start, covered, early)
+    start, unused = kept(start, covered, early)
     if len(start.t_s) < 2:
         why = reason_without_attitude(imu, start, covered[covered & ~early])
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
@@ -222,7 +222,7 @@ def chosen_keyframes(
         start = replace(start, rotation=imu_rotation(imu), heading_from_s=first_s)
     fill = zero_order_hold if causal else interpolated_attitudes
     R_nu = fill(start.t_s, start.R_nu, start.valid)
-    return replace(start, R_nb=spun(start.rotation, start.t_s, R_nu)), len(t_s), losses
+    return replace(start, R_nb=spun(start.rotation, start.t_s, R_nu)), len(t_s), unused
 
 
 def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:
@@ -235,7 +235,7 @@ def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) 
 
 
 def _float_arcs(
-    start: Alignment, settings: ProblemSettings, requested: tuple[FlightConstant, ...]
+    start: Alignment, settings: ProblemSettings, requested: tuple[Parameter, ...]
 ) -> tuple[Alignment, FloatArcs]:
     """Add attitudes of epochs without integers, unless causal or the array's shape is estimated."""
     if settings.causal or any(one.name.startswith("antenna ") for one in requested):
@@ -296,7 +296,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         places_n_m,
         gravity_n_mps2,
         tuple(one for gate in tested.values() for one in gate.rejections),
-        tuple(one for gate in tested.values() for one in gate.losses),
+        tuple(one for gate in tested.values() for one in gate.unused),
     )
 
 
@@ -324,15 +324,15 @@ def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -
 
 def kept(
     start: Alignment, covered: BoolArray, early: BoolArray
-) -> tuple[Alignment, tuple[Loss, ...]]:
+) -> tuple[Alignment, tuple[Unused, ...]]:
     """Return the keyframes that are covered and not early, and why others are left out."""
     reasons = {
         ("epoch", "not covered by the accelerometer's record"): ~covered,
         ("epoch", "before the first attitude"): early,
         ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
     }
-    losses = losses_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
-    return start[np.flatnonzero(covered & ~early)], losses
+    unused = unused_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
+    return start[np.flatnonzero(covered & ~early)], unused
 
 
 def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> str:

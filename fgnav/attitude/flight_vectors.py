@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.attitude.imu_rotation import ImuRotation
 from fgnav.attitude.receiver_baselines import heading_baselines, with_pitch
 from fgnav.attitude.vector_pairs import VectorPairs, stacked, wahba
-from fgnav.checks import BoolArray, FloatArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError, Unused
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_point.solution import code_solution
 from fgnav.gravity import specific_force_pair
@@ -89,7 +89,7 @@ def track_by_fixes(fixes: Fixes, antenna: Antenna) -> Track:
 
 def measured_vectors(
     flight: Flight, track: Track, rotation: ImuRotation | None = None, *, causal: bool = False
-) -> tuple[VectorPairs, tuple[Loss, ...]]:
+) -> tuple[VectorPairs, tuple[Unused, ...]]:
     """Return the pairs that instruments give in both frames: force, line of sight, baselines.
 
     Specific force is a mean over neighbouring epochs, in axes that do not spin where the body's own
@@ -102,7 +102,7 @@ def measured_vectors(
     v_b: list[FloatArray] = []
     variance: list[FloatArray] = []
     sources: list[str] = []
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     if flight.imu is not None and track.v_n_mps is not None:
         imu = flight.imu
         if rotation is not None:
@@ -117,7 +117,7 @@ def measured_vectors(
         variance.append(_variance_across(f_n, covariance))
     if flight.photodetector is not None:
         sight = line_of_sight(flight.photodetector, causal=causal)
-        losses = sight.losses
+        unused = sight.unused
         to_n_m = flight.photodetector.landmark_n_m - track.p_n_m
         distance_m = np.linalg.norm(to_n_m, axis=1)
         e_b = at_epochs(sight.t_s, sight.e_b, track.t_s)
@@ -142,7 +142,7 @@ def measured_vectors(
         weight=np.nan_to_num(1 / np.stack(variance, axis=1)) if k else np.zeros((n, 0)),
         sources=tuple(sources),
     )
-    return pairs, losses
+    return pairs, unused
 
 
 def _variance_across(v_n: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from fgnav.campaign.order import Order
 from fgnav.campaign.report import write_report
 from fgnav.campaign.runs import Run
 from fgnav.campaign.tables import write_tables
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.report.parts import Report
 
 Watch = Callable[[int, int], None]
@@ -28,7 +28,7 @@ class Outcome:
     asked: int
     kept: int
     flown: int
-    losses: tuple[Loss, ...]  # runs that came to nothing, with the reason
+    unused: tuple[Unused, ...]  # runs that came to nothing, with the reason
     text: str  # the report as text
     report: Report  # the same as parts, for other formats
     files: tuple[Path, ...] = field(default=())
@@ -78,7 +78,7 @@ def conduct(
         asked=asked,
         kept=failures.total(),
         flown=flown,
-        losses=(*_failures(failures), *_losses("run not kept", unwritten)),
+        unused=(*_failures(failures), *_unused("run not kept", unwritten)),
         text=text,
         report=report,
         files=files,
@@ -98,12 +98,12 @@ def _lost(order: Order, run: Run) -> tuple[Run, Record]:
     return run, failed(order, run, DIED)
 
 
-def _failures(counted: "Counter[str | None]") -> tuple[Loss, ...]:
+def _failures(counted: "Counter[str | None]") -> tuple[Unused, ...]:
     reasons = Counter({why: n for why, n in counted.items() if why})
-    return _losses("run failed", reasons)
+    return _unused("run failed", reasons)
 
 
-def _losses(what: str, reasons: "Counter[str]") -> tuple[Loss, ...]:
-    named = [Loss(what=what, reason=why, count=n) for why, n in reasons.most_common(_KINDS)]
+def _unused(what: str, reasons: "Counter[str]") -> tuple[Unused, ...]:
+    named = [Unused(what=what, reason=why, count=n) for why, n in reasons.most_common(_KINDS)]
     rest = sum(reasons.values()) - sum(one.count for one in named)
-    return (*named, Loss(what=what, reason="other reasons", count=rest)) if rest else tuple(named)
+    return (*named, Unused(what=what, reason="other reasons", count=rest)) if rest else tuple(named)

@@ -34,7 +34,7 @@ def estimator_of(table: MethodTable) -> Estimator:
     try:
         options = Options(
             gravity=None if table.gravity is None else gravity_named(table.gravity),
-            estimate=table.estimate,
+            calibrate=table.calibrate,
             factors=table.factors,
             causal=table.causal,
             lag_s=table.lag_s,

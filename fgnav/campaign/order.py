@@ -21,9 +21,9 @@ class MethodTable(Table, frozen=True):
     name: _Name | None = None  # what tables call it; the method's own name where none is given
     integers: str = "constrained"  # who resolves integers
     gravity: str | None = None
-    # estimate, factors, without: ``without`` names what is left out of the flight first, see
+    # calibrate, factors, without: ``without`` names what is left out of the flight first, see
     # ``evaluation.ablation``
-    estimate: tuple[str, ...] = ()
+    calibrate: tuple[str, ...] = ()
     factors: tuple[str, ...] | None = None  # none: the networks of a flight by default
     without: tuple[str, ...] = ()
     causal: bool = False

@@ -63,7 +63,7 @@ def campaign(
     print(outcome.text, end="")
     if report is not None:
         show_report(write(outcome.report, report))
-    for loss in outcome.losses:
+    for loss in outcome.unused:
         print(f"{loss.count} × {loss.what}: {loss.reason}")
     print(f"{outcome.kept} of {outcome.asked} flights; tables are in {out}")
     if not outcome.kept:

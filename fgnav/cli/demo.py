@@ -40,7 +40,7 @@ def demo(folder: Path | None = None, /) -> None:
     place.mkdir(parents=True, exist_ok=True)
     # The flight states its own noise right, and LAMBDA finds the integers that the default resolver
     # finds: identifying noise and searching under the array's shape would only take longer.
-    simple = ["--noise", "stated", "--integers", "lambda", "--factors", "gravity"]
+    simple = ["--noise", "nominal", "--integers", "lambda", "--factors", "gravity"]
     kinds = ["--without", "baselines,gravity,line-of-sight,vehicle"]
     for words in (
         ["simulate", "paper", "--seed", "1", "--out", flight],

@@ -11,7 +11,7 @@ from fgnav.json_file import JsonFile, check_places, write_json
 from fgnav.terminal import progress, show_lines
 
 if TYPE_CHECKING:
-    from fgnav.checks import Loss
+    from fgnav.checks import Unused
 
 FORMATS = (
     "Of all files: csv, pos, kfgins, ulog, ardupilot, rosbag, mcap, nmea, ubx, sbf, novatel, "
@@ -19,9 +19,9 @@ FORMATS = (
 )
 
 
-def unused_lines(losses: "Sequence[Loss]") -> list[str]:
+def unused_lines(unused: "Sequence[Unused]") -> list[str]:
     """Return a line for everything that files hold and the flight has not."""
-    return [f"not used: {one.count} × {one.what}: {one.reason}" for one in losses]
+    return [f"not used: {one.count} × {one.what}: {one.reason}" for one in unused]
 
 
 def import_(
@@ -71,18 +71,18 @@ def import_(
             assembled = assemble(imported, stated)
             gnss, files = assembled.table.gnss, assembled.files
             write(assembled, out, verify=not files or bool(gnss.navigation or gnss.orbits))
-    flight, losses = assembled.table.name, [asdict(loss) for loss in assembled.losses]
+    flight, unused = assembled.table.name, [asdict(loss) for loss in assembled.unused]
     write_json(
         json,
         {
             "flight": flight,
             "folder": str(out),
-            "losses": losses,
+            "unused": unused,
             "notes": dict(assembled.notes),
             "missing": dict(assembled.missing),
         },
     )
     if json != "-":
-        lines = unused_lines(assembled.losses)
+        lines = unused_lines(assembled.unused)
         notes = [f"{key}: {text}" for key, text in (assembled.notes | assembled.missing).items()]
         show_lines([f"{flight}: written to {out}", *lines, *notes])

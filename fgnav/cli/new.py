@@ -73,14 +73,14 @@ def new(
             )
     edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
     names = {str(one): name for one, (name, _) in files.items()}
-    losses = assembled.losses
-    counted = [asdict(loss) for loss in losses]
-    content = {"folder": str(out), "formats": names, "losses": counted, "edit": list(edits)}
+    unused = assembled.unused
+    counted = [asdict(loss) for loss in unused]
+    content = {"folder": str(out), "formats": names, "unused": counted, "edit": list(edits)}
     write_json(json, content)
     if json != "-":
         lines = [f"{one}: {name}" for one, name in names.items()]
         lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
         lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
-        lines += unused_lines(losses)
+        lines += unused_lines(unused)
         lines += [f"edit {key}" for key in edits]
         show_lines([*lines, f"written to {out}; edit flight.toml there, then: fgnav check {out}"])

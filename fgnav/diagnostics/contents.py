@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.integrity.imu_screen import stuck_axis, stuck_run, stuck_unit
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.observations import Observations
@@ -68,7 +68,7 @@ class Diagnosis:
         ``broadcast``, ``precise``.
     unchecked : tuple of Finding
         What the data cannot tell right from wrong, with the reason.
-    losses : tuple of Loss
+    unused : tuple of Unused
         What was in the files and could not be kept.
     """
 
@@ -80,7 +80,7 @@ class Diagnosis:
     gyroscope: bool = False
     findings: tuple[Finding, ...] = ()
     unchecked: tuple[Finding, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything in plain types."""
@@ -93,14 +93,14 @@ def contents(flight: Flight) -> Diagnosis:
     series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
     findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
-    losses = flight.losses
+    unused = flight.unused
     if flight.observations is not None and len(flight.observations.t_s):
         is_tracked = np.asarray(flight.observations.tracked.any(axis=(0, 1)))
         channels = _channels(flight.observations, is_tracked)
         findings += _satellite_findings(flight, flight.observations, is_tracked)
-        losses += flight.observations.losses
+        unused += flight.observations.unused
     for source in (flight.broadcast, flight.precise):
-        losses += source.losses if source is not None else ()
+        unused += source.unused if source is not None else ()
     return Diagnosis(
         flight=flight.name,
         antennas=tuple(antenna.name for antenna in flight.antennas),
@@ -109,7 +109,7 @@ def contents(flight: Flight) -> Diagnosis:
         orbits=tuple(name for name, source in orbits.items() if source is not None),
         gyroscope=flight.imu is not None and flight.imu.w_b_radps is not None,
         findings=tuple(findings),
-        losses=tuple(dict.fromkeys(losses)),
+        unused=tuple(dict.fromkeys(unused)),
     )
 
 

@@ -37,7 +37,7 @@ class Method:
 
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types, each rejected measurement with its reason."""
-        constants = () if self.estimate is None else self.estimate.constants
+        constants = () if self.estimate is None else self.estimate.calibration
         return asdict(self.score) | {
             "rejections": [asdict(one) for one in self.rejections],
             "constants": [one.to_dict() for one in constants],
@@ -77,7 +77,7 @@ class Comparison:
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> comparison = fgnav.compare(flight, [fgnav.Smoother(noise="stated")])
+    >>> comparison = fgnav.compare(flight, [fgnav.Smoother(noise="nominal")])
     >>> comparison.judged_by, [method.name for method in comparison.solved]
     ('truth', ['smoother'])
     >>> comparison["smoother"].score.attitude_rmse_deg < 0.3
@@ -190,7 +190,7 @@ def compare(
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> methods = [fgnav.Smoother(noise="stated"), fgnav.Forward(noise="stated")]
+    >>> methods = [fgnav.Smoother(noise="nominal"), fgnav.Forward(noise="nominal")]
     >>> smoother, forward = fgnav.compare(flight, methods).methods
     >>> smoother.score.attitude_rmse_deg < forward.score.attitude_rmse_deg
     True

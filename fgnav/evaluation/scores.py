@@ -11,7 +11,7 @@ from fgnav.attitude.baseline_angles import (
     reported_baselines,
 )
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Unused
 from fgnav.evaluation.integer_counts import IntegerCounts
 from fgnav.evaluation.reference import covered, minus, truth_at
 from fgnav.geometry import rotations
@@ -107,7 +107,7 @@ class Score:
     seconds: float
     converged: bool = False
     unobservable: tuple[str, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     graph: GraphSummary | None = None
     consistency: tuple[Consistency, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
@@ -141,10 +141,10 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     velocity_n_mps = minus(estimate.v_n_mps, real.v_n_mps, rows, everywhere)
     nees = _nees(tangent_b_rad, attitude, _attitude_covariance(real))
     outside = int((~inside).sum())
-    losses = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
+    unused = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
         singular = int(np.isnan(nees).sum())
-        losses.append(("epoch", "not in the NEES: covariance not positive definite", singular))
+        unused.append(("epoch", "not in the NEES: covariance not positive definite", singular))
     return Errors(
         t_s=real.t_s,
         euler_rad=euler_rad,
@@ -157,7 +157,7 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         velocity_sigma_mps=velocity_sigma_mps,
         position_nees=_nees(position_n_m, position, _diagonal(real.position_sigma_m)),
         velocity_nees=_nees(velocity_n_mps, velocity, _diagonal(real.velocity_sigma_mps)),
-        losses=tuple(Loss(what=w, reason=r, count=c) for w, r, c in losses if c),
+        unused=tuple(Unused(what=w, reason=r, count=c) for w, r, c in unused if c),
     )
 
 
@@ -177,7 +177,7 @@ def score(
         seconds=seconds,
         converged=estimate.converged,
         unobservable=estimate.unobservable,
-        losses=estimate.losses + (errors.losses if errors else ()),
+        unused=estimate.unused + (errors.unused if errors else ()),
         graph=estimate.graph,
         consistency=estimate.consistency,
         verdicts=estimate.verdicts,

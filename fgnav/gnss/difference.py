@@ -4,7 +4,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, losses_of
+from fgnav.checks import BoolArray, FloatArray, IntArray, unused_of
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import SingleDifferences, single_differences
 from fgnav.types.differences import DoubleDifferences
@@ -74,7 +74,7 @@ def differenced(
         code_variance_m2=np.where(used, single.code_variance_m2, 1.0),
         phase_variance_m2=np.where(used, single.phase_variance_m2, 1.0),
         arc=_double_arcs(arcs.arc, of_reference, np.isfinite(phase_m)),
-        losses=(*single.unused, *losses_of(lost), *arcs.losses),
+        unused=(*single.unused, *unused_of(lost), *arcs.unused),
     )
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.geometry.earth import C_MPS
 from fgnav.types.observations import Observations
 
@@ -99,7 +99,7 @@ class Selection:
     signals: tuple[str, ...]
     # Column of the observations that holds it; -1 where an antenna never tracks the band.
     channel: IntArray  # (a, m)
-    losses: tuple[Loss, ...]  # observations of signals that are not used
+    unused: tuple[Unused, ...]  # observations of signals that are not used
     # Signal that each antenna uses, or None, by constellation's letter and band.
     chosen: dict[tuple[str, str], tuple[str | None, ...]]
 
@@ -159,7 +159,7 @@ def select(
         signals=tuple(signal for _, signal, _ in rows),
         channel=channel,
         chosen=signals,
-        losses=_unused(observations, counts[0], channel),
+        unused=_unused(observations, counts[0], channel),
     )
 
 
@@ -193,7 +193,7 @@ def _chosen_first(
     return chosen
 
 
-def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> tuple[Loss, ...]:
+def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> tuple[Unused, ...]:
     """Count, by signal, the code observations that no channel takes."""
     taken = np.zeros(counts.shape, dtype=bool)
     antenna, at = np.nonzero(channel >= 0)
@@ -211,4 +211,4 @@ def _unused(observations: Observations, counts: IntArray, channel: IntArray) -> 
         )
         key = (f"{satellite[0]} {signal} observation", reason)
         lost[key] = lost.get(key, 0) + int(unused[column])
-    return tuple(Loss(what=what, reason=why, count=count) for (what, why), count in lost.items())
+    return tuple(Unused(what=what, reason=why, count=count) for (what, why), count in lost.items())

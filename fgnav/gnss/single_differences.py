@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError, Unused
 from fgnav.geometry.earth import C_MPS
 from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.orbits.satellites import angles, signal_paths, states_at_clock
@@ -43,7 +43,7 @@ class SingleDifferences:
     # of one undifferenced link, (n, m); 1 where a channel is not usable
     code_variance_m2: FloatArray
     phase_variance_m2: FloatArray
-    unused: tuple[Loss, ...]  # observations of signals that no channel takes
+    unused: tuple[Unused, ...]  # observations of signals that no channel takes
     lost: Counter[tuple[str, str]]  # links by antenna and reason
 
 
@@ -92,7 +92,7 @@ def single_differences(flight: Flight, *, causal: bool = False) -> SingleDiffere
         lock_flags=np.zeros((n, a, m), dtype=np.uint8),
         code_variance_m2=np.ones((n, m)),
         phase_variance_m2=np.ones((n, m)),
-        unused=chosen.losses,
+        unused=chosen.unused,
         lost=Counter(),
     )
     motion = motion_so_far if causal else reference_motion

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError, Unused
 from fgnav.geometry.earth import C_MPS
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.cycle_slips.doppler import slipped
@@ -62,7 +62,7 @@ class Undifferenced:
     integers: bool
     # (3,); the Earth's axis, where turns of the antenna wind up its phases; else None
     pole_n: FloatArray | None
-    losses: tuple[Loss, ...]  # breaks of arcs, by cause
+    unused: tuple[Unused, ...]  # breaks of arcs, by cause
 
 
 def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
@@ -113,7 +113,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
     group = carriers(channels.satellites, channels.signals)
     phase_sigma_m = receivers * growing(noise, noise.phase_m, elevation_rad)
     wavelength_m = wavelengths_m(channels.satellites, channels.signals)
-    arc, losses = _arcs(flight, observations, channels, ours, flags, (phase_sigma_m, group))
+    arc, unused = _arcs(flight, observations, channels, ours, flags, (phase_sigma_m, group))
     return Undifferenced(
         t_s=observations.t_s,
         place_n_m=flight.origin.to_n(p_e_m),
@@ -132,7 +132,7 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
         wavelength_m=wavelength_m,
         integers=base,
         pole_n=flight.origin.R_ne[:, 2] if noise.wind_up else None,
-        losses=losses,
+        unused=unused,
     )
 
 
@@ -166,7 +166,7 @@ def _arcs(
     residual: Residuals,
     flags: IntArray,
     of: tuple[FloatArray, IntArray],
-) -> tuple[IntArray, tuple[Loss, ...]]:
+) -> tuple[IntArray, tuple[Unused, ...]]:
     """Return arcs, (n, m), and their breaks."""
     phase_sigma_m, group = of
     phase_m, e_n, elevation_rad = residual.phase_m, residual.e_n, residual.elevation_rad
@@ -203,4 +203,4 @@ def _arcs(
     names = ("models", flight.antennas[0].name)
     arcs = phase_arcs(single, names, causal=True, earlier_s=earlier_s)
     arc, m = arcs.arc[:, 1].astype(np.int64), phase_m.shape[1]
-    return np.where(arc >= 0, arc * m + np.arange(m), -1), arcs.losses
+    return np.where(arc >= 0, arc * m + np.arange(m), -1), arcs.unused

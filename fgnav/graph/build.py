@@ -13,8 +13,8 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.linear_factor import linear_factor
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem, pose_prior
 from fgnav.graph.types.states import AUX, States
 
@@ -29,7 +29,7 @@ class Layout:
     """Which variables a keyframe and the flight have."""
 
     gyroscope: bool
-    constants: Constants
+    constants: Parameters
     lasting: int = 0  # dimensions of the array's lasting error, at the end of the angular motion
 
     @classmethod
@@ -169,7 +169,7 @@ def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
     return gtsam.LinearContainerFactor(linear_factor(terms, np.zeros(len(rows))), point)
 
 
-def constant_priors(constants: Constants) -> list[gtsam.NonlinearFactor]:
+def constant_priors(constants: Parameters) -> list[gtsam.NonlinearFactor]:
     """Return what is known of the constants before the flight."""
     covariance = gtsam.noiseModel.Gaussian.Covariance
     return [
@@ -192,7 +192,7 @@ def flight_values(
     return values
 
 
-def _parts(constants: Constants) -> Iterator[tuple[int, int, int]]:
+def _parts(constants: Parameters) -> Iterator[tuple[int, int, int]]:
     """Yield key, size and first column of each constant."""
     for i, (part, first) in enumerate(zip(constants.parts, constants.first, strict=True)):
         yield keys.constant(i), part.size, first

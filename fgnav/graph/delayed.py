@@ -27,7 +27,7 @@ from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
 from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
@@ -112,7 +112,7 @@ class Delayed(WrappedSensor):
         return sensor_factor(self, i, key, ("pose", "velocity", vector))
 
 
-def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Constants) -> Solution:
+def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters) -> Solution:
     """Return a solution whose keyframes, (n,), are at their tags by GNSS, not by the unit's clock.
 
     Both are the same where no clock is among the constants.

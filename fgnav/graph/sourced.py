@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 
 if TYPE_CHECKING:
     import gtsam
@@ -17,7 +17,7 @@ class Sourced:
     """Factors, and what the estimate reports of those that are left out."""
 
     factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()
-    losses: tuple[Loss, ...] = ()  # answers that are left out, with the reason
+    unused: tuple[Unused, ...] = ()  # answers that are left out, with the reason
     notes: tuple[str, ...] = ()  # what a reader of the result should know, one sentence each
 
     def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | NamedFactor]":

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.types.differences import DoubleDifferences
 
 HANDED_OVER = "epoch's trust"  # of a loss: an epoch that a network leaves to another resolver
@@ -73,10 +73,10 @@ def share_so_far(wrong_probability: FloatArray, wrong_max: float) -> BoolArray:
     return accepted
 
 
-def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Loss, ...]:
+def not_fixed(links: Mapping[str, BoolArray]) -> tuple[Unused, ...]:
     """Return one loss for each reason that holds of any link, (n, b, m)."""
     return tuple(
-        Loss(what="double difference", reason=reason, count=int(affected.sum()))
+        Unused(what="double difference", reason=reason, count=int(affected.sum()))
         for reason, affected in links.items()
         if affected.any()
     )

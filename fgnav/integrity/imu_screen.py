@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import interp1d
 
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.integrity.imu_recording import SENSORS, between_fresh, is_repeated
 from fgnav.types.flight import Imu
 
@@ -22,7 +22,7 @@ _FALSE_ALARM = 1e-4  # of each test on a right record
 STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
 
-def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+def without_faulty(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
     imu, repeated = without_repeated(imu)
     x = _of_all_axes(imu)
@@ -32,18 +32,18 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     count = int(stuck.sum())
     moving, of_axes = without_stuck_axes(imu[~stuck] if count else imu)
     mended, of_spikes = without_spikes(moving)
-    losses = (*of_axes, *of_spikes)
+    unused = (*of_axes, *of_spikes)
     if count:
-        losses = (Loss(what="inertial sample", reason=STUCK, count=count), *losses)
-    return mended, (*repeated, *losses)
+        unused = (Unused(what="inertial sample", reason=STUCK, count=count), *unused)
+    return mended, (*repeated, *unused)
 
 
-def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss, ...]]:
+def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples of a sensor that repeats all axes at even intervals.
 
     Cubics through what is not repeated stand in. Causal: nothing does, by samples up to each.
     """
-    losses, kept = [], imu
+    unused, kept = [], imu
     for name, field, _ in SENSORS:
         x = getattr(kept, field)
         if x is None:
@@ -52,12 +52,12 @@ def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Loss
         if repeated.any():
             what = "left out" if causal else "a cubic through the others stands in"
             reason = f"the {name} repeats the sample before at even intervals: {what}"
-            losses.append(Loss(what="inertial sample", reason=reason, count=int(repeated.sum())))
+            unused.append(Unused(what="inertial sample", reason=reason, count=int(repeated.sum())))
             kept = kept[~repeated] if causal else between_fresh(kept, field, repeated)
-    return kept, tuple(losses)
+    return kept, tuple(unused)
 
 
-def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples in which one axis stands still while the others move.
 
     At the end of its range, or broken: what it measures nobody knows whenever it has that value.
@@ -65,7 +65,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     """
     if len(imu.t_s) < _FEWEST:
         return imu, ()
-    stuck, losses = np.zeros(len(imu.t_s), dtype=np.bool_), []
+    stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), []
     for name, field, _ in SENSORS:
         x = getattr(imu, field)
         for axis in range(0 if x is None else 3):
@@ -76,15 +76,15 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
                 run = stuck_axis(x, axis, in_run)
             if in_run.any():
                 reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not"
-                losses.append(
-                    Loss(
+                unused.append(
+                    Unused(
                         what="inertial sample",
                         reason=f"{reason}: left out",
                         count=int(in_run.sum()),
                     )
                 )
             stuck |= in_run
-    return (imu[~stuck], tuple(losses)) if losses and _goes_on(imu.t_s, ~stuck) else (imu, ())
+    return (imu[~stuck], tuple(unused)) if unused and _goes_on(imu.t_s, ~stuck) else (imu, ())
 
 
 def _goes_on(t_s: FloatArray, is_left: BoolArray) -> bool:
@@ -177,9 +177,9 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
     return length > 1 and n * share**length < _FALSE_ALARM
 
 
-def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
-    imu, losses = without_repeated(imu, causal=True)
+    imu, unused = without_repeated(imu, causal=True)
     x = _of_all_axes(imu)
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     k = np.arange(len(x))
@@ -187,12 +187,12 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
     if not stuck.any():
-        return imu, losses
-    stuck_loss = Loss(what="inertial sample", reason=STUCK, count=int(stuck.sum()))
-    return imu[~stuck], (*losses, stuck_loss)
+        return imu, unused
+    stuck_loss = Unused(what="inertial sample", reason=STUCK, count=int(stuck.sum()))
+    return imu[~stuck], (*unused, stuck_loss)
 
 
-def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
+def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record whose spikes are replaced by the means of their neighbours."""
     if len(imu.t_s) < _FEWEST:
         return imu, ()
@@ -203,7 +203,7 @@ def without_spikes(imu: Imu) -> tuple[Imu, tuple[Loss, ...]]:
         return imu, ()
     names = [n for n, s in (("accelerometer", of_force), ("gyroscope", of_rate)) if s.any()]
     reason = f"a spike of the {' and the '.join(names)}: the mean of its neighbours stands in"
-    loss = Loss(what="inertial sample", reason=reason, count=count)
+    loss = Unused(what="inertial sample", reason=reason, count=count)
     return replace(imu, f_b_mps2=force, w_b_radps=rate), (loss,)
 
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, Loss, losses_of
+from fgnav.checks import BoolArray, FloatArray, Unused, unused_of
 from fgnav.integrity.imu_recording import coarse_step
 from fgnav.integrity.imu_screen import STUCK, stuck_samples
 from fgnav.types.flight import Flight
 
 
-def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
+def without_stuck(flight: Flight) -> tuple[Flight, tuple[Unused, ...]]:
     """Return a flight without samples of stuck instruments, and their numbers.
 
     The rule is that of a stuck unit (``imu_screen``). Of a detector that sees nothing all
@@ -28,8 +28,8 @@ def without_stuck(flight: Flight) -> tuple[Flight, tuple[Loss, ...]]:
     if not stuck:
         return flight, ()
     records = {n: one[~stuck[n]] if n in stuck else one for n, one in flight.records.items()}
-    losses = {(f"{name} sample", STUCK): int(bad.sum()) for name, bad in stuck.items()}
-    return flight.with_records(records), losses_of(losses)
+    unused = {(f"{name} sample", STUCK): int(bad.sum()) for name, bad in stuck.items()}
+    return flight.with_records(records), unused_of(unused)
 
 
 def _stuck(x: FloatArray, noise: float) -> BoolArray:

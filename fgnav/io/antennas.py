@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, FloatArray, IntArray, Unused
 from fgnav.io.gps_time import TICKS_PER_S, to_ticks
 from fgnav.types.observations import Observations
 
@@ -58,7 +58,7 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
     per_antenna : sequence of Observations
         One antenna each.
     names : sequence of str
-        Their names, for the losses.
+        Their names, for the unused.
 
     Returns
     -------
@@ -75,7 +75,7 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         raise BadInputError("antennas: at least one is needed")
     if len(per_antenna) == 1:
         only = per_antenna[0]
-        return replace(only, losses=_named(only.losses, names[0]))
+        return replace(only, unused=_named(only.unused, names[0]))
     t_s = per_antenna[0].t_s
     pairs = [list(zip(one.satellites, one.signals, strict=True)) for one in per_antenna]
     channels = sorted({pair for some in pairs for pair in some})
@@ -83,7 +83,7 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
     arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in _VALUES}
     arrays["lock_flags"] = np.zeros(shape, np.uint8)
     tag_s = np.repeat(t_s[:, None], len(per_antenna), axis=1)
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     for a, (one, name) in enumerate(zip(per_antenna, names, strict=True)):
         rows, common = _matched(t_s, one.t_s)
         if not len(rows):
@@ -92,16 +92,18 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         for field, array in arrays.items():
             array[np.ix_(common, np.array([a]), columns)] = getattr(one, field)[rows]
         tag_s[common, a] = one.tag_s[rows, 0]
-        losses += _named(one.losses, name)
+        unused += _named(one.unused, name)
         if len(rows) < len(one.t_s):
             reason = f"the reference antenna {names[0]} has no such epoch"
-            losses.append(Loss(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(rows)))
+            unused.append(
+                Unused(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(rows))
+            )
     return Observations(
         t_s=t_s,
         tag_s=tag_s,
         satellites=tuple(satellite for satellite, _ in channels),
         signals=tuple(signal for _, signal in channels),
-        losses=tuple(losses),
+        unused=tuple(unused),
         **arrays,
     )
 
@@ -119,5 +121,5 @@ def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArr
     return mine[first], row[mine[first]]
 
 
-def _named(losses: tuple[Loss, ...], name: str) -> tuple[Loss, ...]:
-    return tuple(replace(loss, what=f"{name} {loss.what}") for loss in losses)
+def _named(unused: tuple[Unused, ...], name: str) -> tuple[Unused, ...]:
+    return tuple(replace(loss, what=f"{name} {loss.what}") for loss in unused)

@@ -37,18 +37,18 @@ class Options:
     Attributes
     ----------
     gravity : GravityEstimator or None
-    estimate : tuple of str
+    calibrate : tuple of str
     factors : tuple of str or None
         Names of installed sources of factors; empty: none, not the gravity network either.
     causal : bool
         Of the smoother alone: the others are what they are.
-    noise : {"identified", "stated"} or None
+    noise : {"estimated", "nominal"} or None
     lag_s : float or None
         Of those in ``WITH_LAG``.
     """
 
     gravity: GravityEstimator | None = None
-    estimate: tuple[str, ...] = ()
+    calibrate: tuple[str, ...] = ()
     factors: tuple[str, ...] | None = None
     causal: bool = False
     noise: str | None = None
@@ -61,7 +61,7 @@ class Options:
         wanted: dict[str, object] = {"gravity": self.gravity, "factors": self.factors}
         if name in SMOOTHERS:
             wanted |= {
-                "estimate": self.estimate or None,
+                "calibrate": self.calibrate or None,
                 "causal": True if self.causal and name == "smoother" else None,
                 "noise": self.noise,
                 "lag_s": self.lag_s if name in WITH_LAG else None,

@@ -26,7 +26,7 @@ from fgnav.attitude.vector_pairs import (
     stacked,
     wahba,
 )
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, losses_of
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError, Unused, unused_of
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
@@ -112,7 +112,7 @@ class ClosedForm:
         """
         array = self._array(flight)
         track = _track(flight, needed=array is None)
-        epochs, losses = self._epochs(flight, array, track)
+        epochs, unused = self._epochs(flight, array, track)
         pairs = epochs.pairs
         attitude = wahba(self._weighted(pairs))
         rank = _rank(array, attitude.rank)
@@ -138,7 +138,7 @@ class ClosedForm:
             velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=_unobservable(array, used) if rank == 1 else (),
             integers=None if array is None else array.integers,
-            losses=(*losses, *lost),
+            unused=(*unused, *lost),
             notes=(*self._notes(used, rank), *motion.notes),
         )
 
@@ -151,26 +151,26 @@ class ClosedForm:
 
     def _epochs(
         self, flight: Flight, array: _Array | None, track: Track | None
-    ) -> tuple[_Epochs, tuple[Loss, ...]]:
+    ) -> tuple[_Epochs, tuple[Unused, ...]]:
         """Return what array and instruments see in both frames, and what they lack."""
-        parts, times, losses = [], [], []
+        parts, times, unused = [], [], []
         if array is not None:
             differences, integers, baselines = array
             names = tuple(antenna.name for antenna in flight.antennas[1:])
             parts.append(baselines.pairs(differences.baselines_b_m, names))
             times.append(differences.t_s)
-            losses += [*differences.losses, *integers.losses]
+            unused += [*differences.unused, *integers.unused]
         if track is not None:
             pairs, lost = direction_pairs(flight, track, self.gravity, self.factors)
             if array is None and self.moves_forward and self.weights == "equal":
                 pairs = with_velocity(pairs, track)
             parts.append(pairs)
             times.append(track.t_s)
-            losses += lost
+            unused += lost
         t_s = np.unique(np.concatenate(times))
         rows = [np.searchsorted(t_s, part_s) for part_s in times]
         pairs = stacked([part.scatter(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
-        return _Epochs(t_s, pairs, rows[0]), tuple(losses)
+        return _Epochs(t_s, pairs, rows[0]), tuple(unused)
 
     def _weighted(self, pairs: VectorPairs) -> VectorPairs:
         return pairs if self.weights == "covariance" else pairs.directions()
@@ -268,8 +268,8 @@ def _unobservable(array: _Array | None, used: Mapping[str, int]) -> tuple[str, .
     return tuple(_OPEN_ABOUT.get(kind, f"rotation about the {kind}") for kind in used)
 
 
-def _lost(reason: str, keep: BoolArray) -> tuple[Loss, ...]:
+def _lost(reason: str, keep: BoolArray) -> tuple[Unused, ...]:
     """Return the loss of epochs that are not kept; raise if none is."""
     if not keep.any():
         raise NoSolutionError(f"attitude: {reason} at any of {len(keep)} epochs")
-    return losses_of({("epoch", reason): int((~keep).sum())})
+    return unused_of({("epoch", reason): int((~keep).sum())})

@@ -6,11 +6,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.alignment.matching import nearest, unused
+from fgnav.alignment.matching import nearest, unmatched
 from fgnav.attitude.flight_vectors import Track, measured_vectors
 from fgnav.attitude.imu_rotation import imu_rotation
 from fgnav.attitude.vector_pairs import VectorPairs, stacked
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.geometry.earth import Origin
 from fgnav.gravity import GravityDirection, GravityEstimator
 from fgnav.methods.smoothing.custom_sources import with_networks
@@ -23,7 +23,7 @@ Gravity: TypeAlias = GravityEstimator | Literal["specific force"] | None
 
 def direction_pairs(
     flight: Flight, track: Track, gravity: Gravity, factors: tuple[Any, ...] | None
-) -> tuple[VectorPairs, tuple[Loss, ...]]:
+) -> tuple[VectorPairs, tuple[Unused, ...]]:
     """Return pairs of gravity, specific force and line of sight at the epochs of a track.
 
     An epoch has gravity once: from the first source that answers, the estimator before networks,
@@ -31,19 +31,19 @@ def direction_pairs(
     does.
     """
     parts: list[VectorPairs] = []
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     has_gravity = np.zeros(len(track.t_s), dtype=np.bool_)
     for direction in _directions_of_gravity(flight, track, gravity, factors):
         pair, lost = _gravity_pair(flight.origin, track, direction)
         parts.append(pair.where(~has_gravity[:, None]))
         has_gravity |= pair.valid[:, 0]
-        losses += lost
+        unused += lost
     imu = None if gravity is None else flight.imu
     rotation = None if imu is None else imu_rotation(imu)
     measured, lost = measured_vectors(replace(flight, imu=imu), track, rotation)
     is_force = np.array([source == "specific force" for source in measured.sources], dtype=np.bool_)
     parts.append(measured.where(~(has_gravity[:, None] & is_force)))
-    return stacked(parts), (*losses, *lost)
+    return stacked(parts), (*unused, *lost)
 
 
 def _directions_of_gravity(
@@ -64,7 +64,7 @@ def _directions_of_gravity(
 
 def _gravity_pair(
     origin: Origin, track: Track, direction: GravityDirection
-) -> tuple[VectorPairs, tuple[Loss, ...]]:
+) -> tuple[VectorPairs, tuple[Unused, ...]]:
     """Return gravity at the epochs nearest to the answers, and the loss of answers far from any."""
     down_n = origin.gravity_n_mps2(track.p_n_m)
     down_n = down_n / np.linalg.norm(down_n, axis=1, keepdims=True)
@@ -78,4 +78,4 @@ def _gravity_pair(
     pair = VectorPairs(
         v_n=down_n[:, None], v_b=g_b[:, None], weight=weight[:, None], sources=("gravity",)
     )
-    return pair, (*direction.losses, *unused("gravity direction", len(row), close))
+    return pair, (*direction.unused, *unmatched("gravity direction", len(row), close))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from fgnav.attitude.array import agreeing
 from fgnav.attitude.baselines import body_motion
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import NoSolutionError, losses_of, positive
+from fgnav.checks import NoSolutionError, positive, unused_of
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.estimate import Estimate
@@ -49,14 +49,14 @@ class MaximumLikelihood:
         _, solution, noise_notes = agreeing(stated)
         keep = solution.solved & solution.consistent(self.false_alarm)
         undetermined, failed = int((~solution.solved).sum()), int((solution.solved & ~keep).sum())
-        losses = losses_of(
+        unused = unused_of(
             {
                 ("epoch", "fixed differences do not determine the attitude"): undetermined,
                 ("epoch", "residuals of the fixed array fail the chi-square test"): failed,
             }
         )
         if not keep.any():
-            reasons = "; ".join(f"{loss.reason} ({loss.count})" for loss in losses)
+            reasons = "; ".join(f"{loss.reason} ({loss.count})" for loss in unused)
             raise NoSolutionError(f"attitude: no epoch has an answer: {reasons}")
         R_nb = solution.R_nb[keep]
         motion = body_motion(flight, differences.t_s[keep], R_nb)
@@ -72,6 +72,6 @@ class MaximumLikelihood:
             velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=solution.unobservable(),
             integers=integers,
-            losses=(*differences.losses, *integers.losses, *losses),
+            unused=(*differences.unused, *integers.unused, *unused),
             notes=(*noise_notes, *motion.notes),
         )

@@ -125,7 +125,7 @@ class ObservationStream:
             grown = [concatenate_flights(span.record.flight, piece) for span in self._spans]
             for span, flight in zip(self._spans, grown, strict=True):
                 span.record = span.record._replace(flight=flight)
-        if self._method.noise == "identified":
+        if self._method.noise == "estimated":
             self._pieces.append(piece)
         epochs = epochs_s(self._spans[-1].record.flight)
         return self._estimate(float(epochs[-1]) if len(epochs) else -np.inf)
@@ -180,7 +180,7 @@ class ObservationStream:
 
     def _look(self, until_s: float) -> None:
         """Identify noise at the times that have come."""
-        if self._method.noise != "identified":
+        if self._method.noise != "estimated":
             return
         imu = self._spans[-1].record.flight.imu
         until_s = min(until_s, -np.inf if imu is None else float(imu.t_s[-1]))
@@ -247,7 +247,7 @@ class ObservationStream:
         first = int(np.searchsorted(problem.t_s, self._taken_s, side="right"))
         for row in range(first, end):
             window.advance(problem, row)
-            newest = window.newest()  # of each: what is asked for decides what leaves
+            newest = window.latest()  # of each: what is asked for decides what leaves
             if opening is not None and problem is opening.problem:
                 newest = with_open_heading(newest, opening)
             self._newest, self._taken_s = newest, float(problem.t_s[row])

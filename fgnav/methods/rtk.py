@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fgnav.attitude.array import axis_name
 from fgnav.attitude.baselines import body_motion, weighted_baselines
 from fgnav.attitude.vector_pairs import collinear, sensitivity, wahba
-from fgnav.checks import BadInputError, NoSolutionError, losses_of
+from fgnav.checks import BadInputError, NoSolutionError, unused_of
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.messages import note
@@ -64,7 +64,7 @@ class Rtk:
         reason = "no baseline is fixed" if line else "no two baselines out of line are fixed"
         if not keep.any():
             raise NoSolutionError(f"attitude: {reason} at any of {len(keep)} epochs")
-        lost = losses_of({("epoch", reason): int((~keep).sum())})
+        lost = unused_of({("epoch", reason): int((~keep).sum())})
         t_s, R_nb = differences.t_s[keep], attitude.R_nb[keep]
         motion = body_motion(flight, t_s, R_nb)
         return Estimate(
@@ -79,6 +79,6 @@ class Rtk:
             velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
             unobservable=(axis_name(differences.baselines_b_m),) if line else (),
             integers=integers,
-            losses=(*differences.losses, *integers.losses, *lost),
+            unused=(*differences.unused, *integers.unused, *lost),
             notes=(note("I508"), *motion.notes),
         )

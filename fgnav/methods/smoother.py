@@ -58,7 +58,7 @@ class Smoother:
         Of the integers.
     gravity : GravityEstimator or None
         Source of gravity directions in body axes.
-    estimate : tuple of str
+    calibrate : tuple of str
         What to estimate with the flight, such as ``("landmark", "antenna:a4")``; see
         ``assembly.calibration_request``.
     factors : tuple or None
@@ -75,7 +75,7 @@ class Smoother:
     causal : bool
         Whether everything, hyperparameters and integers included, comes from data up to each
         keyframe's lag; else what holds for the flight comes from all of it.
-    noise : {"identified", "stated"}
+    noise : {"estimated", "nominal"}
         Whether noise, clock and latency are estimated from the flight (``noise``), by causal
         methods from its past; else they are as the flight states them.
     lag_s : float
@@ -86,20 +86,20 @@ class Smoother:
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> estimate = fgnav.Smoother(lag_s=2.0, noise="stated")(flight)
+    >>> estimate = fgnav.Smoother(lag_s=2.0, noise="nominal")(flight)
     >>> estimate.method, len(estimate.t_s) == len(flight.observations.t_s)
     ('smoother', True)
     """
 
     resolver: Resolver = field(default_factory=default_resolver)
     gravity: GravityEstimator | None = None
-    estimate: tuple[str, ...] = ()
+    calibrate: tuple[str, ...] = ()
     factors: tuple[FactorSource | str, ...] | None = None
     rate_prior: RatePrior | None = None
     sub_steps: int | None = None
     false_alarm: float = 1e-4
     causal: bool = False
-    noise: Literal["identified", "stated"] = "identified"
+    noise: Literal["estimated", "nominal"] = "estimated"
     lag_s: float = 5.0
     name: str = "smoother"
 
@@ -107,10 +107,10 @@ class Smoother:
         """Reject settings that mean nothing."""
         positive(f"{self.name} lag_s", self.lag_s)
         positive(f"{self.name} false_alarm", self.false_alarm)
-        calibration_requests(self.estimate)
+        calibration_requests(self.calibrate)
         if self.sub_steps is not None and self.sub_steps < 1:
             raise BadInputError(f"{self.name} sub_steps: must be 1 or more, got {self.sub_steps}")
-        if self.noise not in ("identified", "stated"):
+        if self.noise not in ("estimated", "nominal"):
             raise BadInputError(
                 f"{self.name} noise: must be identified or stated, got {self.noise!r}"
             )
@@ -166,7 +166,7 @@ class Smoother:
         return ProblemSettings(
             resolver=self.resolver,
             gravity=self.gravity,
-            calibration=calibration_requests(self.estimate),
+            calibration=calibration_requests(self.calibrate),
             rate_prior=self.rate_prior,
             sub_steps=self.sub_steps,
             false_alarm=self.false_alarm,
@@ -186,7 +186,7 @@ class Smoother:
         settings = self.preparation
         build = partial(build_problem, last=LastObservations())
         flight, notes = corrected_set_up(flight)
-        make = build if self.noise == "stated" else partial(_identified, build=build)
+        make = build if self.noise == "nominal" else partial(_identified, build=build)
         prepared = make(flight, settings)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
@@ -201,7 +201,7 @@ class Smoother:
         """Return what is estimated with hyperparameters of its own: by the past, if causal."""
         from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
 
-        if not (self.causal and self.noise == "identified"):
+        if not (self.causal and self.noise == "estimated"):
             return (Stretch(-np.inf, np.inf, flight, prepared),)
         ahead_s = self.lag_s + 2 * BLOCK_S
         build = partial(build_problem, last=LastObservations())
@@ -213,7 +213,7 @@ class Smoother:
         if self.causal:
             return self._estimated_so_far(flight, prepared)
         estimate = self._estimated(flight, prepared)
-        if self.noise == "stated" or self.factors or flight.networks:
+        if self.noise == "nominal" or self.factors or flight.networks:
             return estimate
         return without_contradictions(
             flight, estimate, lambda one: self._estimated(one, self._prepared(one))
@@ -277,7 +277,7 @@ class Smoother:
             consistency=tuple(one.summary for one in series),
             verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
             graph=graph_summary(prepared.problem, sourced, solution, prepared.integers),
-            losses=(*estimate.losses, *sourced.losses),
+            unused=(*estimate.unused, *sourced.unused),
             notes=(*estimate.notes, *sourced.notes),
         )
 
@@ -295,7 +295,7 @@ class Forward(Smoother):
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> estimate = fgnav.Forward(noise="stated")(flight)
+    >>> estimate = fgnav.Forward(noise="nominal")(flight)
     >>> estimate.method, estimate.converged
     ('forward', True)
     """
@@ -321,7 +321,7 @@ class Batch(Smoother):
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> estimate = fgnav.Batch(noise="stated")(flight)
+    >>> estimate = fgnav.Batch(noise="nominal")(flight)
     >>> estimate.method, estimate.converged
     ('batch', True)
     """

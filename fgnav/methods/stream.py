@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, losses_of
+from fgnav.checks import BadInputError, FloatArray, Unused, unused_of
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import Problem
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
-from fgnav.methods.smoothing.calibration_report import calibrated_constants
+from fgnav.methods.smoothing.calibration_report import calibrated_parameters
 from fgnav.methods.smoothing.custom_sources import custom_constants, with_networks, with_timelines
 from fgnav.methods.smoothing.estimates import Body, stated
 from fgnav.methods.streaming.keyframe import Before, keyframe_problem
-from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
+from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamConfig
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Flight
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fgnav.graph.custom import NamedFactor
     from fgnav.solve.fixed_lag import Departed
 
-__all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamSetUp", "StreamSource"]
+__all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamConfig", "StreamSource"]
 
 # What a measurement needs to be stated of it.
 _NEEDED = {"sight": "landmark_n_m", "height_m": "barometer", "field_b_ut": "magnetometer"}
@@ -41,7 +41,7 @@ class Stream:
 
     Parameters
     ----------
-    set_up : StreamSetUp
+    config : StreamConfig
     lag_s : float
         Keyframes leave when they are known from the measurements up to this long after them.
     factors : tuple of callable
@@ -54,13 +54,13 @@ class Stream:
 
     >>> import numpy as np
     >>> import fgnav
-    >>> from fgnav.methods.streaming.measurements import Measured, Measurements, StreamSetUp
+    >>> from fgnav.methods.streaming.measurements import Measured, Measurements, StreamConfig
     >>> from fgnav.process.hyperparameters import RatePrior
     >>> flight = fgnav.load_flight("demo/flight")
     >>> truth, antenna_b_m = flight.truth, flight.antennas[0].position_b_m
     >>> prior = RatePrior(length_s=0.5, variance_rad2ps2=np.full(3, 0.1), evidence=np.nan)
-    >>> set_up = StreamSetUp(origin=flight.origin, antenna_b_m=antenna_b_m, rate_prior=prior)
-    >>> stream = fgnav.Stream(set_up, lag_s=0.2)
+    >>> config = StreamConfig(origin=flight.origin, antenna_b_m=antenna_b_m, rate_prior=prior)
+    >>> stream = fgnav.Stream(config, lag_s=0.2)
     >>> for k in range(5):
     ...     fix = Measured(value=truth.p_n_m[k] + truth.R_nb[k] @ antenna_b_m, covariance=np.eye(3))
     ...     came = Measurements(t_s=truth.t_s[k], imu=flight.imu, position=fix, R_nb=truth.R_nb[k])
@@ -70,17 +70,17 @@ class Stream:
     [0.]
     [0.1]
     [0.2]
-    >>> print(stream.newest().t_s)
+    >>> print(stream.latest().t_s)
     [0.4]
     """
 
     def __init__(
-        self, set_up: StreamSetUp, lag_s: float = 5.0, *, factors: tuple[StreamSource, ...] = ()
+        self, config: StreamConfig, lag_s: float = 5.0, *, factors: tuple[StreamSource, ...] = ()
     ) -> None:
         from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
 
-        self._set_up = set_up
-        self._sources = with_networks(factors, set_up.networks)
+        self._set_up = config
+        self._sources = with_networks(factors, config.networks)
         self._asked = custom_constants(self._sources)
         self._times_s: list[float] = []  # of all keyframes; only for sources
         self._latest: Problem | None = None
@@ -89,7 +89,7 @@ class Stream:
         self._last_s = -np.inf
         self._count = 0
         self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
-        self._losses: Counter[tuple[str, str]] = Counter()
+        self._unused: Counter[tuple[str, str]] = Counter()
         self._judged: deque[NamedFactor] = deque()  # custom factors of keyframes kept
 
     @staticmethod
@@ -112,7 +112,7 @@ class Stream:
         --------
         >>> import fgnav
         >>> flight = fgnav.load_flight("demo/flight")
-        >>> estimates = fgnav.Stream.replay(flight, fgnav.Forward(noise="stated"))
+        >>> estimates = fgnav.Stream.replay(flight, fgnav.Forward(noise="nominal"))
         >>> known = (estimate for estimate in estimates if len(estimate.t_s))
         >>> len(next(known).t_s), len(next(known).t_s)  # the first wait for a rate prior
         (5, 1)
@@ -155,7 +155,7 @@ class Stream:
                 raise BadInputError(f"measurements {name}: the set-up has no {needed}")
         before = None
         if self._count:
-            before = Before(self._last_s, self._window.newest().solution.states.p_n_m[0])
+            before = Before(self._last_s, self._window.latest().solution.states.p_n_m[0])
         problem = keyframe_problem(measurements, self._set_up, before).with_constants(self._asked)
         if before is None:
             self._body = Body(
@@ -174,13 +174,13 @@ class Stream:
             self._measured.popleft()
         return estimate
 
-    def newest(self) -> Estimate:
+    def latest(self) -> Estimate:
         """Return the newest keyframe, known from what has come so far."""
-        return self._estimate(self._window.newest(), leaving=False)
+        return self._estimate(self._window.latest(), leaving=False)
 
-    def rest(self) -> Estimate:
+    def flush(self) -> Estimate:
         """Return the keyframes that have not left, known from all that has come."""
-        return self._estimate(self._window.rest())
+        return self._estimate(self._window.flush())
 
     def _custom(
         self, measurements: Measurements, problem: Problem
@@ -209,7 +209,7 @@ class Stream:
                 made = source(measurements, its)
                 factors += [one for one in map(named, made) if entering_stream(one, *bounds)]
                 if isinstance(made, Sourced):
-                    self._losses.update({(one.what, one.reason): one.count for one in made.losses})
+                    self._unused.update({(one.what, one.reason): one.count for one in made.unused})
         self._times_s = times_s
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
@@ -248,15 +248,15 @@ class Stream:
                 self._rates_b_radps(departed.t_s, solution.states.aux),
                 self._body,
             ),
-            constants=calibrated_constants(constants, solution),
-            losses=self._lost() if leaving else (),
+            calibration=calibrated_parameters(constants, solution),
+            unused=self._lost() if leaving else (),
             consistency=self._custom_tests(self._latest, departed) if leaving else (),
         )
 
-    def _lost(self) -> tuple[Loss, ...]:
+    def _lost(self) -> tuple[Unused, ...]:
         """Return what sources have left out since keyframes left last."""
-        lost = losses_of(self._losses)
-        self._losses.clear()
+        lost = unused_of(self._unused)
+        self._unused.clear()
         return lost
 
     def _rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:

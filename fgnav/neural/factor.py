@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, Loss, losses_of, positive
+from fgnav.checks import BadInputError, FloatArray, IntArray, Unused, positive, unused_of
 from fgnav.graph.correlation import inflation, interval_s
 from fgnav.graph.custom import NamedFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, flight_constant
 from fgnav.gravity import GravityDirection
 from fgnav.messages import note
 from fgnav.neural.measures import SENSORS
@@ -112,7 +112,7 @@ class NeuralFactor:
         return interval_s(half_life_s) if self._interval_s is None else self._interval_s
 
     @property
-    def constants(self) -> tuple[FlightConstant, ...]:
+    def constants(self) -> tuple[Parameter, ...]:
         """What of its errors lasts as long as a flight, in 1-sigmas; none of most."""
         output = self._network.manifest.output
         if not output.lasting:
@@ -174,7 +174,7 @@ class NeuralFactor:
             t_s=t_s[inside],
             g_b=answers.value.reshape(-1, 3),
             covariance=answers.covariance.reshape(-1, 3, 3),
-            losses=self._losses(lost),
+            unused=self._unused(lost),
         )
 
     def _check(self, sensor: str, record: Record) -> None:
@@ -245,7 +245,7 @@ class NeuralFactor:
             for queries in self._queries(have, timeline, lost, flight)
             for factor in self.factors_of(queries, self._network(queries.inputs))
         ]
-        return Sourced(factors=tuple(factors), losses=self._losses(lost), notes=notes)
+        return Sourced(factors=tuple(factors), unused=self._unused(lost), notes=notes)
 
     def queries(self, flight: Flight, timeline: Timeline) -> list[Queries]:
         """Return what the network is asked about a flight's keyframes; errors as of a call."""
@@ -285,8 +285,8 @@ class NeuralFactor:
             both = np.stack([begin[chosen], rows[chosen]], axis=1)
             yield Queries(both, tuple(x[chosen] for x in seen.inputs), counted)
 
-    def _losses(self, lost: Mapping[str, int]) -> tuple[Loss, ...]:
-        return losses_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
+    def _unused(self, lost: Mapping[str, int]) -> tuple[Unused, ...]:
+        return unused_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
 
     def _chosen(
         self, seen: Windows, t_s: FloatArray, rows: IntArray, lost: dict[str, int]

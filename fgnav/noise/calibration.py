@@ -20,7 +20,7 @@ from fgnav.checks import FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.solution import Solution
@@ -75,7 +75,7 @@ def with_latency_and_lever_arm(
     return replace(extended, sensors=tuple(sensors))
 
 
-def calibrated(constants: Constants, solution: Solution) -> tuple[Calibrated, ...]:
+def calibrated(constants: Parameters, solution: Solution) -> tuple[Calibrated, ...]:
     """Return clock, latency and lever arm by a solution, those of its constants."""
     columns = {
         kind: [i for name in names for i in _columns(constants, name)]
@@ -151,7 +151,7 @@ def _value(one: Calibrated) -> str:
     return ", ".join(f"{v:+.3f} ± {s:.3f}" for v, s in zip(values, sigmas, strict=True)) + " m"
 
 
-def _columns(constants: Constants, name: str) -> range:
+def _columns(constants: Parameters, name: str) -> range:
     of = constants.columns(name)
     return range(of.start, of.stop)
 

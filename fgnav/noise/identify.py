@@ -67,7 +67,7 @@ class Hyperparameters:
 
     @property
     def significant(self) -> tuple[Calibrated, ...]:
-        """Constants of set-up that are not zero."""
+        """Parameters of set-up that are not zero."""
         return tuple(one for one in self.calibrated if one.is_significant)
 
     def applied(self, flight: Flight) -> Flight:

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import NoSolutionError
 from fgnav.graph import keys
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.states import AUX
 
 _SYMBOL = re.compile(r"Symbol: (.)(\d+)\)")
@@ -21,7 +21,7 @@ _CONSTANT, _ARCS = keys.letter(keys.constant(0)), keys.letter(keys.arcs(0))
 
 
 def in_words(
-    error: RuntimeError, width: int, constants: Constants, t_s: Callable[[int], float]
+    error: RuntimeError, width: int, constants: Parameters, t_s: Callable[[int], float]
 ) -> NoSolutionError:
     """Return what a failure of GTSAM's elimination means, by the variable that its text names.
 
@@ -30,7 +30,7 @@ def in_words(
     error : RuntimeError
     width : int
         Dimensions of a keyframe.
-    constants : Constants
+    constants : Parameters
     t_s : callable
         Time of a keyframe.
     """
@@ -53,7 +53,7 @@ def open_state(column: int, width: int, t_s: float) -> NoSolutionError:
     return NoSolutionError(f"{part}: the data do not determine it at {t_s:.2f} s")
 
 
-def open_constant(column: int, constants: Constants) -> NoSolutionError:
+def open_constant(column: int, constants: Parameters) -> NoSolutionError:
     """Return the error that a column of the constants, or of the arcs behind, is not determined."""
     ends = np.cumsum([part.size for part in constants.parts])
     if column >= constants.width:

@@ -55,7 +55,7 @@ def solve_fixed_lag(
         entering = CustomFactors(custom if of is problem else (), of)
         parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
         if end == len(of.t_s) and len(window):
-            parts.append(window.rest())
+            parts.append(window.flush())
         return parts
 
     return joined_solution(opened(leaving, problem, opening))
@@ -79,7 +79,7 @@ def solve_forward(
         entering, parts = CustomFactors(custom, of), list[Departed | None]()
         for row in steps(end):
             window.advance(of, row, entering.at(row, window.oldest))
-            parts.append(window.newest())
+            parts.append(window.latest())
         return parts
 
     return replace(joined_solution(opened(newest, problem, opening)), cross=None)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, freeze, freeze_times
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused, freeze, freeze_times
 
 _BY_EPOCH = (
     *("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc"),
@@ -51,7 +51,7 @@ class DoubleDifferences:
     arc : ndarray of int, shape (n, b, m)
         Number of the link's arc, from slip to slip: within one arc the integer of an unchanged
         reference is constant. It counts slips of any of the four links involved. -1 without phase.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Links and epochs that were measured and are not here.
     """
 
@@ -69,7 +69,7 @@ class DoubleDifferences:
     code_variance_m2: FloatArray
     phase_variance_m2: FloatArray
     arc: IntArray
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times
+from fgnav.checks import BadInputError, FloatArray, Unused, freeze, freeze_times
 from fgnav.geometry.rotations import euler_sigma, to_euler
 from fgnav.types.flight import Flight, Truth
 from fgnav.types.integers import ArcInteger, Integers
@@ -162,8 +162,8 @@ class Consistency:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Constant:
-    """What holds for a whole flight and was estimated with it, off what the flight states.
+class CalibratedParameter:
+    """Parameter of a whole flight that was estimated with it, as a deviation from the given value.
 
     Attributes
     ----------
@@ -231,7 +231,7 @@ class Estimate:
         The integers it used, in the layout of the flight's double differences.
     arcs : tuple of ArcInteger
         Integers of arcs against a base, each with the chance that it is wrong, and its span.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Measurements and epochs that did not take part, with the reason.
     rejections : tuple of Rejected
         Measurements that contradicted the others, each with its link and its span of time.
@@ -241,7 +241,7 @@ class Estimate:
         Sensors that contradict the others, or their own noise.
     graph : GraphSummary or None
         Of methods that have one.
-    constants : tuple of Constant
+    calibration : tuple of CalibratedParameter
         What was estimated with the flight and holds for all of it.
     notes : tuple of str
         What a reader of the result should know, one sentence each.
@@ -249,7 +249,7 @@ class Estimate:
     Examples
     --------
     >>> import fgnav
-    >>> estimate = fgnav.Smoother(noise="stated")(fgnav.load_flight("demo/flight"))
+    >>> estimate = fgnav.Smoother(noise="nominal")(fgnav.load_flight("demo/flight"))
     >>> estimate.R_nb.shape == (len(estimate.t_s), 3, 3), estimate.converged
     (True, True)
     >>> bool((estimate.sigma_deg < 1.0).all())  # of roll, pitch and yaw
@@ -274,11 +274,11 @@ class Estimate:
     converged: bool = True
     integers: Integers | None = None
     arcs: tuple[ArcInteger, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     rejections: tuple[Rejected, ...] = ()
     consistency: tuple[Consistency, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
-    constants: tuple[Constant, ...] = ()
+    calibration: tuple[CalibratedParameter, ...] = ()
     graph: GraphSummary | None = None
     notes: tuple[str, ...] = ()
 
@@ -338,7 +338,7 @@ class Estimate:
         --------
         >>> import fgnav
         >>> flight = fgnav.load_flight("demo/flight")
-        >>> errors = fgnav.Smoother(noise="stated")(flight).errors(flight.truth)
+        >>> errors = fgnav.Smoother(noise="nominal")(flight).errors(flight.truth)
         >>> errors.euler_deg.shape == errors.sigma_deg.shape
         True
         """
@@ -409,7 +409,7 @@ class Errors:
         freedom when the stated covariance is right; NaN where that is not positive definite.
     sigma_rad, position_sigma_m, velocity_sigma_mps : ndarray, shape (n, 3), or None
         1-sigma as the estimate states it, at the same epochs.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Epochs of the estimate that could not be judged.
     """
 
@@ -424,7 +424,7 @@ class Errors:
     velocity_sigma_mps: FloatArray | None = None
     position_nees: FloatArray | None = None
     velocity_nees: FloatArray | None = None
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     @property
     def euler_deg(self) -> FloatArray:

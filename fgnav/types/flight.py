@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, positive
+from fgnav.checks import BadInputError, FloatArray, Unused, freeze, freeze_times, positive
 from fgnav.geometry.earth import Origin
 from fgnav.types.instruments import (
     USUAL_IMU_NOISE,
@@ -231,7 +231,7 @@ class Flight:
         Of the first epoch that is estimated.
     networks : tuple of Path
         Manifests of the networks whose factors it brings (``fgnav.neural``).
-    losses : tuple of Loss
+    unused : tuple of Unused
         What was in the files and is not here.
 
     Examples
@@ -263,7 +263,7 @@ class Flight:
     initial: InitialAttitude | None = None
     truth: Truth | None = None
     networks: tuple[Path, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check what the parts owe each other."""

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze, losses_of
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused, freeze, unused_of
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 
@@ -37,7 +37,7 @@ class Integers:
         Why an epoch is not fixed, or lacks some of its links; empty where nothing is missing.
     source : ndarray of int, shape (n, b, m), or None
         Whose integer a link has, of ``SOURCES``; None: all the resolver's.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Links that were there and were not fixed, with the reason.
     """
 
@@ -47,7 +47,7 @@ class Integers:
     ratio: FloatArray
     wrong_probability: FloatArray | None = None
     reasons: tuple[str, ...] | None = None
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     source: IntArray | None = None
 
     def __post_init__(self) -> None:
@@ -88,7 +88,7 @@ def joined(
         return None if any(v is None for v in values) else np.concatenate(values)[order]
 
     lost = Counter[tuple[str, str]]()
-    for loss in (loss for part in parts for loss in part.losses):
+    for loss in (loss for part in parts for loss in part.unused):
         lost[loss.what, loss.reason] += loss.count
     reasons = column("reasons")
     return Integers(
@@ -98,7 +98,7 @@ def joined(
         ratio=column("ratio"),
         wrong_probability=column("wrong_probability"),
         reasons=None if reasons is None else tuple(reasons.tolist()),
-        losses=losses_of(lost),
+        unused=unused_of(lost),
     )
 
 

@@ -5,7 +5,15 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss, freeze, freeze_times
+from fgnav.checks import (
+    BadInputError,
+    BoolArray,
+    FloatArray,
+    IntArray,
+    Unused,
+    freeze,
+    freeze_times,
+)
 
 LOST_LOCK = 1  # RINEX loss-of-lock indicator, bit 0: a slip is possible
 HALF_CYCLE = 2  # bit 1: half-cycle ambiguity not resolved
@@ -54,7 +62,7 @@ class Observations:
         Carrier-to-noise density.
     lock_flags : ndarray of uint8, shape (n, a, m)
         Bits ``LOST_LOCK`` and ``HALF_CYCLE``.
-    losses : tuple of Loss
+    unused : tuple of Unused
         What the reader saw and did not keep.
     earlier : EarlierEpochs or None
         Of a record that has gone on for long.
@@ -69,7 +77,7 @@ class Observations:
     doppler_hz: FloatArray
     cn0_dbhz: FloatArray
     lock_flags: IntArray
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     earlier: EarlierEpochs | None = None
 
     def __post_init__(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, Loss, freeze, freeze_times, frozen
+from fgnav.checks import BadInputError, FloatArray, Unused, freeze, freeze_times, frozen
 
 # One broadcast message of a Keplerian constellation (GPS, Galileo, BeiDou, QZSS), IS-GPS-200 names.
 EPHEMERIS_DTYPE = np.dtype(
@@ -56,13 +56,13 @@ class BroadcastOrbits:
         The messages, sorted by satellite, then time of ephemeris.
     klobuchar : ndarray, shape (8,)
         GPS ionosphere model, alpha and beta (IS-GPS-200, 20.3.3.5.2.5); zeros where there is none.
-    losses : tuple of Loss
+    unused : tuple of Unused
         Messages that were read and not kept.
     """
 
     records: NDArray[Any]
     klobuchar: FloatArray
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -92,7 +92,7 @@ class PreciseOrbits:
         ECEF positions of the centre of mass; NaN where absent.
     clock_s : ndarray, shape (k, s)
         Satellite clock offsets; NaN where absent.
-    losses : tuple of Loss
+    unused : tuple of Unused
         What was read and not kept.
     """
 
@@ -100,7 +100,7 @@ class PreciseOrbits:
     satellites: tuple[str, ...]
     p_e_m: FloatArray
     clock_s: FloatArray
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""

@@ -41,7 +41,7 @@ def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a 
         "gnss": gnss,
         "sensors": _list(sensors),
         **({"networks": _list([path.stem for path in flight.networks])} if flight.networks else {}),
-        "lost": f"{sum(loss.count for loss in flight.losses)} measurements and files",
+        "lost": f"{sum(loss.count for loss in flight.unused)} measurements and files",
     }
 
 

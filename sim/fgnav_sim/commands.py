@@ -107,7 +107,7 @@ def _summary(made: "Simulated", name: str, seed: int) -> Summary:
     for name, record in flight.records.items():
         counts[name.split()[0]] += len(record.t_s)
     summary |= {f"{kind}_samples": n for kind, n in counts.items() if kind != "truth"}
-    for loss in flight.losses:
+    for loss in flight.unused:
         summary[loss.what] = f"{loss.count} times: {loss.reason}" if loss.count > 1 else loss.reason
     if made.draws:
         summary["dispersions"] = {draw.key: draw.value for draw in made.draws}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.types.flight import Antenna, Flight, GnssNoise, LinkIntegers, Truth
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav.types.vehicle import FinnedVehicle
@@ -74,19 +74,19 @@ def simulate_many(
     for first in range(0, len(rngs), together):
         streams = [rng.spawn(8) for rng in rngs[first : first + together]]
         drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
-        moving: list[tuple[Scenario, tuple[Loss, ...]]] = [(one, ()) for one, _ in drawn]
+        moving: list[tuple[Scenario, tuple[Unused, ...]]] = [(one, ()) for one, _ in drawn]
         if scenario.flown:
             from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: compiled code
 
             moving = take_off([one for one, _ in moving], [stream[5] for stream in streams])
         parts = zip(moving, drawn, streams, strict=True)
-        for k, ((settled, losses), (one, draws), stream) in enumerate(parts, start=first):
+        for k, ((settled, unused), (one, draws), stream) in enumerate(parts, start=first):
 
             def watch(share: float, k: int = k) -> None:
                 progress((k + share) / len(rngs))
 
             flight = _sensed(settled, stream, watch)
-            flight = replace(flight, losses=losses + flight.losses, vehicle=_finned(one))
+            flight = replace(flight, unused=unused + flight.unused, vehicle=_finned(one))
             yield Simulated(flight=flight, draws=draws)
 
 
@@ -127,12 +127,12 @@ def _sensed(
         detector.watch(photodetector, scenario, rng=photodetector_rng) if photodetector else None
     )
     sensed = inertial.sense(imu, scenario, rng=imu_rng) if imu else None
-    losses = inertial.saturated(imu, sensed) if imu and sensed else ()
+    unused = inertial.saturated(imu, sensed) if imu and sensed else ()
     if photodetector and watched:
-        losses += detector.saturated(photodetector, watched)
+        unused += detector.saturated(photodetector, watched)
     elif photodetector:
         reason = "beacon never within range and field of view"
-        losses += (Loss(what="photodetector", reason=reason, count=1),)
+        unused += (Unused(what="photodetector", reason=reason, count=1),)
     received = base = None
     if gnss and flown:
         received = observe(gnss, real, flown, messages=broadcast, rng=gnss_rng, progress=progress)
@@ -164,7 +164,7 @@ def _sensed(
         barometer=press(barometer, scenario, rng=barometer_rng) if barometer else None,
         magnetometer=point(magnet, scenario, rng=magnetometer_rng) if magnet else None,
         truth=_truth(scenario, received.integers if received else None),
-        losses=losses,
+        unused=unused,
     )
     if gnss and gnss.message_errors:
         return with_message_errors(flight, gnss_rng.spawn(1)[0])

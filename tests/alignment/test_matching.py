@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from fgnav.alignment.matching import SAME_S, nearest, unused
+from fgnav.alignment.matching import SAME_S, nearest, unmatched
 
 
 def test_each_wanted_time_gets_the_nearest_and_whether_it_is_the_same():
@@ -20,6 +20,6 @@ def test_a_single_time_is_the_nearest_of_all():
 
 
 def test_measurements_at_no_keyframe_are_counted():
-    (loss,) = unused("fix", 5, np.array([True, False, True]))
+    (loss,) = unmatched("fix", 5, np.array([True, False, True]))
     assert (loss.what, loss.reason, loss.count) == ("fix", "not at a keyframe", 3)
-    assert unused("fix", 2, np.array([True, False, True])) == ()
+    assert unmatched("fix", 2, np.array([True, False, True])) == ()

@@ -18,8 +18,8 @@ from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States
 from fgnav.process.hyperparameters import RatePrior
@@ -92,7 +92,7 @@ def turning(
     form = RotationQuadratic.of_double_differences(differences, integers)
     position = _series(p_n_m, POSITION_M, rng)
     velocity = _series(v_n_mps, VELOCITY_MPS, rng)
-    constants = Constants(() if gyro else (mean_rate(),))
+    constants = Parameters(() if gyro else (mean_rate(),))
     gravity_n_mps2 = ORIGIN.gravity_n_mps2(position.value)
     prior = sine_prior(amplitude_rad)
     R_start = maximum_likelihood(form).R_nb
@@ -162,7 +162,7 @@ def _motion(
     imu: Imu,
     t_s: FloatArray,
     gravity_n_mps2: FloatArray,
-    constants: Constants,
+    constants: Parameters,
     prior: RatePrior | None,
 ) -> Motion:
     n = len(t_s) - 1
@@ -191,7 +191,7 @@ def _measurements(
     position: VectorSeries,
     velocity: VectorSeries,
     imu: Imu,
-    constants: Constants,
+    constants: Parameters,
 ) -> tuple[ArrayPhase, Position, Velocity]:
     row = np.arange(len(position.value))
     none = np.full(len(row), -1)

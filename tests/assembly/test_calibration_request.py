@@ -16,7 +16,7 @@ from fgnav.assembly.calibration_request import (
     with_landmark,
 )
 from fgnav.checks import BadInputError, NoSolutionError
-from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.parameters import flight_constant
 from tests.methods.simulated import flown
 
 LANDMARK_N_M = np.array([2000.0, 300.0, 10.0])
@@ -54,11 +54,11 @@ def test_words_that_mean_nothing_are_named(words, text):
 @pytest.mark.parametrize(
     ("word", "text"),
     [
-        ("landmark", r"estimate landmark: the flight has no \[photodetector\]"),
-        ("boresight", r"estimate boresight: the flight has no \[photodetector\]"),
-        ("gravity", "estimate gravity: no source of the direction of gravity"),
-        ("antenna:b7", "estimate antenna:b7: not one of a1, a2"),
-        ("antenna:a1", "estimate antenna:a1: is the reference of the array; ask for lever-arm"),
+        ("landmark", r"calibrate landmark: the flight has no \[photodetector\]"),
+        ("boresight", r"calibrate boresight: the flight has no \[photodetector\]"),
+        ("gravity", "calibrate gravity: no source of the direction of gravity"),
+        ("antenna:b7", "calibrate antenna:b7: not one of a1, a2"),
+        ("antenna:a1", "calibrate antenna:a1: is the reference of the array; ask for lever-arm"),
     ],
 )
 def test_what_a_flight_has_not_cannot_be_estimated_with_it(word, text):
@@ -68,7 +68,7 @@ def test_what_a_flight_has_not_cannot_be_estimated_with_it(word, text):
 
 def test_a_lever_arm_needs_an_accelerometer():
     without = dataclasses.replace(flown("demo", 5.0), imu=None)
-    with pytest.raises(BadInputError, match=r"estimate lever-arm: the flight has no \[imu\]"):
+    with pytest.raises(BadInputError, match=r"calibrate lever-arm: the flight has no \[imu\]"):
         constants_of(calibration_requests(("lever-arm",)), without, gravity=False)
 
 

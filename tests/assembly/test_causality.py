@@ -246,7 +246,7 @@ def test_limit_of_a_detector_shows_at_the_third_time():
     currents[3:, 3] = 9.0
     t_s = np.arange(8.0)
     found = line_of_sight(replace(photodetector, t_s=t_s, currents=currents), causal=True)
-    assert found.losses[0].reason == "a current stands at its limit"
+    assert found.unused[0].reason == "a current stands at its limit"
     assert_array_equal(np.setdiff1d(t_s, found.t_s), [5.0, 6.0, 7.0])
 
 

@@ -159,8 +159,8 @@ def test_keyframes_are_the_epochs_within_the_inertial_record_and_others_are_coun
     )
     prepared = build(dataclasses.replace(flight, imu=imu))
     assert len(prepared.problem.t_s) == prepared.epochs - 20
-    losses = {loss.reason: loss.count for loss in prepared.losses}
-    assert losses["not covered by the accelerometer's record"] == 20
+    unused = {loss.reason: loss.count for loss in prepared.unused}
+    assert unused["not covered by the accelerometer's record"] == 20
 
 
 def test_epochs_that_are_not_in_the_file_are_keyframes_without_measurements():
@@ -183,7 +183,7 @@ def test_links_with_wrong_integers_are_excluded_and_listed():
     excluded = [one for one in prepared.rejections if "left out" in one.reason]
     assert excluded
     assert {(one.what, one.from_s, one.until_s) for one in excluded} == {("phase", 5.0, 5.2)}
-    assert not any("chi-square" in loss.reason for loss in prepared.losses)
+    assert not any("chi-square" in loss.reason for loss in prepared.unused)
 
 
 def test_an_outage_is_noted_and_leaves_the_forces_direction_unknown_in_its_middle():
@@ -209,7 +209,7 @@ def test_a_hole_in_the_inertial_record_is_bridged_noted_and_loud():
     prepared = build(dataclasses.replace(flight, imu=with_hole(flight.imu, 6.0, 11.0)))
     problem = prepared.problem
     assert "No inertial samples from 6.00 to 11.00 s." in prepared.notes
-    assert not any(loss.reason == "off its neighbours" for loss in prepared.losses)
+    assert not any(loss.reason == "off its neighbours" for loss in prepared.unused)
     noise = problem.motion.accelerometer_noise
     inflated_s = problem.t_s[:-1][noise > noise.min()]
     assert (inflated_s.min(), inflated_s.max()) == pytest.approx((6.0, 10.9), abs=0.11)
@@ -255,11 +255,11 @@ def test_losses_of_another_reference_count_each_link_once():
     flight = with_outages(OutageTable(from_s=5.0, until_s=9.0, antennas=("a1",)), span_s=10.0)
     below = {
         loss.what: loss.count
-        for loss in build(flight).losses
+        for loss in build(flight).unused
         if loss.reason == "below the elevation mask" and loss.what.endswith("link")
     }
     assert below["a2 link"] == below["a8 link"] == len(flight.observations.t_s)
-    assert not any("reference antenna" in loss.reason for loss in build(flight).losses)
+    assert not any("reference antenna" in loss.reason for loss in build(flight).unused)
 
 
 def test_one_baseline_starts_from_other_vectors_about_its_own_axis():
@@ -342,7 +342,7 @@ def test_problems_of_the_same_observations_share_their_integers_and_no_others():
     for one in (flight, louder):
         shared, alone = build_problem(one, settings, last=last), build_problem(one, settings)
         np.testing.assert_array_equal(shared.problem.start.p_n_m, alone.problem.start.p_n_m)
-        assert shared.losses == alone.losses
+        assert shared.unused == alone.unused
         assert shared.imu is one.imu
     assert resolver.asked == 2  # the second: of the other flight, alone
     noise = dataclasses.replace(flight.gnss_noise, phase_m=2 * flight.gnss_noise.phase_m)

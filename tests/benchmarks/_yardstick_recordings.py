@@ -40,7 +40,7 @@ def _rms(values: FloatArray) -> list[float]:
 
 def constants(estimate: Estimate) -> dict[str, float]:
     """Return the estimated constants that have one component, with their sigmas."""
-    scalars = [one for one in estimate.constants if np.size(one.value) == 1]
+    scalars = [one for one in estimate.calibration if np.size(one.value) == 1]
     sigmas = {f"{one.name} sigma": float(np.sqrt(one.covariance.item())) for one in scalars}
     return {one.name: one.value.item() for one in scalars} | sigmas
 
@@ -174,10 +174,10 @@ RECORDINGS: dict[str, Callable[[], dict]] = {
     **{
         f"{name}_{noise}": partial(independent, name=name, noise=noise, wind_up=False)
         for name in INDEPENDENT
-        for noise in ("stated", "identified")
+        for noise in ("nominal", "estimated")
     },
     **{
-        f"{name}_wind_up": partial(independent, name=name, noise="identified", wind_up=True)
+        f"{name}_wind_up": partial(independent, name=name, noise="estimated", wind_up=True)
         for name in INDEPENDENT
     },
     "thor75": thor75,

@@ -118,7 +118,7 @@ def _stream(span_s: float) -> Row:
         stream = Stream(SET_UP, lag_s=LAG_S)
         for epoch in epochs:
             stream.update(epoch)
-        stream.rest()
+        stream.flush()
 
     note = f"Stream.update with each epoch of smoother_memory, lag {LAG_S:g} s, {span_s:g} s"
     return _speed("smoother_stream", span_s, run_through, note)
@@ -148,7 +148,7 @@ def _every_keyframe(problem: Problem) -> None:
     window = FixedLag(LAG_S, block_s=0.0)
     for keyframe in range(len(problem.t_s)):
         window.update(problem, keyframe)
-    window.rest()
+    window.flush()
 
 
 def _accuracy(flight: Flight) -> list[Row]:

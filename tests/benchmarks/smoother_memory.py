@@ -17,7 +17,7 @@ import numpy as np
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
-from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
 from tests.benchmarks._rows import Row, row
@@ -28,7 +28,7 @@ MARKS_S = tuple(int(s) for s in os.environ.get("SMOOTHER_MEMORY_S", "600,3600").
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=700.0)
 # Of angles that swing by 20 degrees at 1 rad/s.
 PRIOR = RatePrior(length_s=2.0, variance_rad2ps2=np.full(3, 0.3**2), evidence=float("nan"))
-SET_UP = StreamSetUp(origin=ORIGIN, antenna_b_m=np.zeros(3), rate_prior=PRIOR)
+SET_UP = StreamConfig(origin=ORIGIN, antenna_b_m=np.zeros(3), rate_prior=PRIOR)
 FORCE_SIGMA_MPS2, VECTOR_SIGMA, POSITION_SIGMA_M, VELOCITY_SIGMA_MPS = 0.01, 0.01, 0.5, 0.05
 
 

@@ -83,7 +83,7 @@ def test_a_run_that_fails_is_counted_and_the_rest_goes_on(order, tmp_path, monke
     monkeypatch.setattr(conducting, "fly", lambda o, r: _guarded(fragile, o, r))
     outcome = conduct(order, tmp_path / "out", here)
     assert outcome.kept == 9
-    assert [(one.count, one.what) for one in outcome.losses] == [(3, "run failed")]
+    assert [(one.count, one.what) for one in outcome.unused] == [(3, "run failed")]
 
 
 def _guarded(work, order, run):
@@ -108,7 +108,7 @@ def test_a_full_disk_is_counted_and_the_rest_goes_on(order, tmp_path, monkeypatc
     monkeypatch.setattr(Folder, "keep", full)
     outcome = conduct(order, tmp_path / "out", here)
     assert outcome.kept == 6
-    assert "No space left" in outcome.losses[0].reason
+    assert "No space left" in outcome.unused[0].reason
 
 
 def _deadly(task):

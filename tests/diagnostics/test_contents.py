@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.diagnostics.contents import contents as describe
 from fgnav.geometry.earth import Origin
 from fgnav.types.flight import Antenna, Flight, Imu, Truth
@@ -15,7 +15,7 @@ MADRID = Origin(latitude_rad=0.704, longitude_rad=-0.068, height_m=700.0)
 PLANE_B_M = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
 
 
-def observations(antennas=3, satellites=("G01", "G02", "G03", "G04", "E05"), t_s=None, losses=()):
+def observations(antennas=3, satellites=("G01", "G02", "G03", "G04", "E05"), t_s=None, unused=()):
     t_s = np.arange(0, 10, 0.1) if t_s is None else t_s
     shape = (len(t_s), antennas, len(satellites))
     return Observations(
@@ -28,7 +28,7 @@ def observations(antennas=3, satellites=("G01", "G02", "G03", "G04", "E05"), t_s
         doppler_hz=np.zeros(shape),
         cn0_dbhz=np.full(shape, 45.0),
         lock_flags=np.zeros(shape),
-        losses=losses,
+        unused=unused,
     )
 
 
@@ -147,9 +147,9 @@ def test_a_sensor_of_another_time_is_named():
 
 
 def test_losses_of_files_and_observations_are_told_once():
-    loss = Loss(what="GLONASS observation", reason="not used", count=12)
-    given = flight(observations=observations(losses=(loss,)), losses=(loss,))
-    assert describe(given).losses == (loss,)
+    loss = Unused(what="GLONASS observation", reason="not used", count=12)
+    given = flight(observations=observations(unused=(loss,)), unused=(loss,))
+    assert describe(given).unused == (loss,)
 
 
 def test_everything_can_be_written_as_plain_types():

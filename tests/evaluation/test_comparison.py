@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fgnav
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.comparison import compare
 from fgnav.geometry import rotations
 
@@ -91,7 +91,7 @@ def test_an_epoch_with_a_broken_covariance_is_left_out_of_the_nees_and_counted(f
     score = compare(flight, [broken])["broken"].score
     assert score.attitude_nees_mean == pytest.approx(1.0)
     reason = "not in the NEES: covariance not positive definite"
-    assert Loss(what="epoch", reason=reason, count=1) in score.losses
+    assert Unused(what="epoch", reason=reason, count=1) in score.unused
 
 
 def test_position_and_velocity_are_held_against_their_covariances(flight, off):
@@ -109,7 +109,7 @@ def test_epochs_outside_the_truth_are_not_judged_but_counted(flight, off):
     method = compare(flight, [early])["early"]
     assert len(method.errors.t_s) == 100
     reason = "not judged: outside the truth's time span or in a gap of it"
-    assert Loss(what="epoch", reason=reason, count=10) in method.score.losses
+    assert Unused(what="epoch", reason=reason, count=10) in method.score.unused
 
 
 def test_unobservable_angles_have_no_figure(flight, off):

@@ -145,7 +145,7 @@ def test_flights_by_name_are_the_same_as_their_folder(batch, compared, tmp_path)
 def test_a_part_and_an_ablation_of_one_flight(batch, tmp_path):
     file = tmp_path / "a.json"
     command = ["compare", str(batch / "0001"), "--method", "maximum-likelihood,smoother"]
-    options = ["--noise", "stated", "--from", "0.5", "--until", "1.5", "--without", "doppler"]
+    options = ["--noise", "nominal", "--from", "0.5", "--until", "1.5", "--without", "doppler"]
     assert cli.main([*command, *options, "--json", str(file)]) == 0
     content = json.loads(file.read_text())
     assert content["epochs"] == 11

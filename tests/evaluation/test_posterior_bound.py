@@ -107,7 +107,7 @@ def test_a_flight_without_truth_has_no_bound(swing):
 
 def test_a_comparison_states_the_bound_of_the_problem_that_knows_the_whole_flight(swing):
     flight, prepared = swing
-    methods = [Forward(resolver=Truth(), noise="stated"), replace(BATCH, noise="stated")]
+    methods = [Forward(resolver=Truth(), noise="nominal"), replace(BATCH, noise="nominal")]
     expected = posterior_angles(flight, methods[1].prepare(flight))
     assert compare(flight, methods).posterior_bound == expected
     J = euler_jacobian(attitude_at(flight.truth, prepared.problem.t_s)[0])

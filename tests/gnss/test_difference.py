@@ -33,7 +33,7 @@ def integers(differences: DoubleDifferences, modelled_m: FloatArray) -> FloatArr
 
 
 def reasons(differences: DoubleDifferences) -> dict[tuple[str, str], int]:
-    return {(loss.what, loss.reason): loss.count for loss in differences.losses}
+    return {(loss.what, loss.reason): loss.count for loss in differences.unused}
 
 
 @pytest.mark.parametrize("letters", ["G", "GEC"])
@@ -255,7 +255,7 @@ def test_blocks_of_epochs_join_without_a_seam(monkeypatch):
     parts = double_differences(replace(flight, name="parts"))
     np.testing.assert_allclose(parts.phase_m, whole.phase_m, atol=1e-6 * MM)
     np.testing.assert_array_equal(parts.arc, whole.arc)
-    assert parts.losses == whole.losses
+    assert parts.unused == whole.unused
 
 
 def test_one_antenna_is_not_enough():

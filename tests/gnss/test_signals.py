@@ -72,7 +72,7 @@ def test_one_signal_per_carrier_is_chosen_and_the_rest_is_counted():
     chosen = select(observed(channels, np.ones((2, 4), dtype=bool)))
     assert chosen.satellites == ("G01", "G02")
     assert chosen.signals == ("1C", "1C")
-    lost = {(loss.what, loss.reason): loss.count for loss in chosen.losses}
+    lost = {(loss.what, loss.reason): loss.count for loss in chosen.unused}
     assert lost == {
         ("G 1W observation", "another signal of the same carrier is used"): 2,
         (
@@ -96,7 +96,7 @@ def test_two_ways_to_track_one_carrier_make_one_channel():
     assert chosen.satellites == ("E01", "E02")
     assert chosen.signals == ("1C", "1C")
     np.testing.assert_array_equal(chosen.channel, [[0, 2], [1, 3]])
-    assert chosen.losses == ()
+    assert chosen.unused == ()
 
 
 def test_a_signal_all_antennas_track_goes_before_a_more_frequent_one():
@@ -104,7 +104,7 @@ def test_a_signal_all_antennas_track_goes_before_a_more_frequent_one():
     tracked = np.array([[True, True, True, True, True], [True, False, True, False, False]])
     chosen = select(observed(channels, tracked))
     assert chosen.signals == ("2W", "2W")
-    assert sum(loss.count for loss in chosen.losses) == 3
+    assert sum(loss.count for loss in chosen.unused) == 3
 
 
 @pytest.mark.parametrize("causal", [False, True])

@@ -13,12 +13,12 @@ from fgnav.graph.delayed import (
     on_gnss_time,
 )
 from fgnav.graph.factors.position import Position
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.parameters import Parameters, flight_constant
 from fgnav.graph.types.solution import Solution
 from tests.graph.factors import cases, sensors
 from tests.graph.factors.sensors import K
 
-TIMES = Constants(
+TIMES = Parameters(
     (
         flight_constant("x", ("x",), "m", 1.0),
         flight_constant(CLOCK_OFFSET, ("offset",), "s", 0.3),

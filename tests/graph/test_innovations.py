@@ -14,7 +14,7 @@ from fgnav.graph.innovations import (
     innovation_series,
     normalised_innovations,
 )
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION
@@ -72,13 +72,13 @@ def positions(at, shared, rng, *, sigma_m: float = 1.0, lever: bool = False) -> 
         value_n_m=at.p_n_m + sigma_m * rng.normal(size=(N, 3)),
         white=np.tile(np.eye(3) / sigma_m, (N, 1, 1)),
         arm_b_m=np.zeros(3),
-        constants=shared if lever else Constants(),
+        constants=shared if lever else Parameters(),
     )
 
 
 def test_the_deletion_residual_is_the_innovation_of_what_was_known_without_it():
     """One measurement and a Gaussian prior, solved by hand: the same number before and after."""
-    rng, shared = np.random.default_rng(1), Constants()
+    rng, shared = np.random.default_rng(1), Parameters()
     before = solution_of(rng, shared, scale=1.0)
     part = positions(before.states, shared, rng)
     r, J, _ = part.linearise(before.states, part.row)
@@ -120,7 +120,7 @@ def test_constants_that_a_measurement_depends_on_count():
 
 def test_nine_rows_of_three_degrees_of_freedom_are_three():
     """Phases of right noise about attitudes known beside them: NIS of one for each."""
-    rng, shared, n = np.random.default_rng(3), Constants(), 4000
+    rng, shared, n = np.random.default_rng(3), Parameters(), 4000
     sigma_rad, size = 0.01, np.array([300.0, 200.0, 100.0])  # in sigmas per rad
     at = cases.random_states(n, shared, rng)
     moved = at.moved(np.pad(sigma_rad * rng.normal(size=(n, 3)), ((0, 0), (0, 18))), np.empty(0))
@@ -159,7 +159,7 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
 
 
 def test_a_measurement_that_alone_says_what_it_says_tests_nothing():
-    rng, shared = np.random.default_rng(4), Constants()
+    rng, shared = np.random.default_rng(4), Parameters()
     solution = solution_of(rng, shared)
     part = positions(solution.states, shared, rng)
     P = solution.covariance.copy()
@@ -179,7 +179,7 @@ def test_a_measurement_that_alone_says_what_it_says_tests_nothing():
 
 
 def test_a_singular_covariance_is_no_obstacle():
-    rng, shared = np.random.default_rng(5), Constants()
+    rng, shared = np.random.default_rng(5), Parameters()
     solution = solution_of(rng, shared)
     solution.covariance[:] = 0.0
     part = positions(solution.states, shared, rng)
@@ -189,7 +189,7 @@ def test_a_singular_covariance_is_no_obstacle():
 
 
 def test_measurements_of_one_name_are_told_together():
-    rng, shared = np.random.default_rng(6), Constants()
+    rng, shared = np.random.default_rng(6), Parameters()
     solution = solution_of(rng, shared)
     both = (positions(solution.states, shared, rng), positions(solution.states, shared, rng))
     told = summaries(problem_of(solution, shared, *both), solution)

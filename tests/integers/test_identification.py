@@ -36,7 +36,7 @@ def spoilt_by(d, links):
 
 
 def named(found):
-    return {loss.what: loss.count for loss in found.losses if loss.reason == LEFT_OUT}
+    return {loss.what: loss.count for loss in found.unused if loss.reason == LEFT_OUT}
 
 
 @pytest.mark.parametrize("antennas", [2, 4])
@@ -138,7 +138,7 @@ def test_three_bad_links_are_found_one_after_the_other_and_four_are_refused():
     found = STATED(spoilt(made, errors), made.flight)
     assert not found.fixed.any()
     assert named(found) == {}
-    assert [loss.count for loss in found.losses] == [20 * 49]
+    assert [loss.count for loss in found.unused] == [20 * 49]
 
 
 def test_which_of_two_antennas_is_bad_is_not_claimed():
@@ -160,7 +160,7 @@ def test_link_left_out_counts_once_where_two_share_a_difference():
     made = make(np.random.default_rng(8), epochs=20, satellites=(8,))
     errors = {(0, 2): PHASE_M, (3, 4): -PHASE_M}
     found = STATED(spoilt(made, errors), made.flight)
-    assert found.fixed.sum() + sum(loss.count for loss in found.losses) == 20 * 49
+    assert found.fixed.sum() + sum(loss.count for loss in found.unused) == 20 * 49
     # left out one by one, so now and then a link more than need be
     assert 0.95 * 20 * 41 <= found.fixed.sum() <= 20 * 41
 

@@ -85,5 +85,5 @@ def test_three_constellations_are_right_in_every_epoch(flight):
 def test_every_link_of_the_recorded_flight_is_fixed_or_counted(flight):
     differences, integers = resolve(flight, Lambda(ratio_min=3.0))
     there = np.isfinite(differences.phase_m) & ~differences.is_reference[:, None, :]
-    counted = sum(loss.count for loss in integers.losses)
+    counted = sum(loss.count for loss in integers.unused)
     assert integers.fixed.sum() + counted == there.sum()

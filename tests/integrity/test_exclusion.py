@@ -31,7 +31,7 @@ def test_a_wrong_instrument_is_left_out_and_its_verdict_stays():
 
 def test_a_right_flight_is_not_asked_again():
     flight = right_flight("fixes", 96_001)
-    estimate = Batch(noise="stated")(flight)
+    estimate = Batch(noise="nominal")(flight)
 
     def again(_):
         raise AssertionError

@@ -27,9 +27,9 @@ def imu():
 
 
 def test_a_record_without_spikes_is_itself(imu):
-    same, losses = without_spikes(imu)
+    same, unused = without_spikes(imu)
     assert same is imu
-    assert losses == ()
+    assert unused == ()
 
 
 def test_a_step_of_thrust_is_no_spike(imu):
@@ -168,13 +168,13 @@ def test_right_records_so_far_are_kept(imu):
 def test_a_slower_sensor_keeps_what_it_measured(imu, causal):
     k = np.arange(len(T_S))
     held = replace(imu, w_b_radps=imu.w_b_radps[k // 4 * 4])
-    left, losses = without_repeated(held, causal=causal)
+    left, unused = without_repeated(held, causal=causal)
     fresh = (k % 4 == 0) | (causal & (k < 99))  # fewer samples tell nothing
     at = np.searchsorted(left.t_s, T_S[fresh])
     np.testing.assert_array_equal(left.w_b_radps[at], held.w_b_radps[fresh])
     assert len(left.t_s) == (fresh.sum() if causal else k[fresh][-1] + 1)
-    assert [one.count for one in losses] == [(~fresh).sum()]
-    assert "the gyroscope repeats the sample before at even intervals" in losses[0].reason
+    assert [one.count for one in unused] == [(~fresh).sum()]
+    assert "the gyroscope repeats the sample before at even intervals" in unused[0].reason
 
 
 def test_what_is_held_beside_keeps_all_of_the_other_sensor(imu):

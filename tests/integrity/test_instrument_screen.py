@@ -16,9 +16,9 @@ def flights():
 
 def test_right_instruments_are_as_they_were(flights):
     for flight in flights.values():
-        left, losses = without_stuck(flight)
+        left, unused = without_stuck(flight)
         assert left is flight
-        assert losses == ()
+        assert unused == ()
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.io.antennas import merge, nominal_epochs
 from fgnav.types.observations import Observations
 
@@ -45,8 +45,8 @@ def test_epochs_are_those_of_the_reference_and_others_are_counted():
     assert got.t_s.tolist() == [0, 2, 3]
     np.testing.assert_array_equal(got.code_m[:, 1, 0], [0, np.nan, 20])
     np.testing.assert_allclose(got.tag_s[:, 1], [1e-4, 2, 3 + 1e-4], rtol=0, atol=1e-12)
-    assert got.losses == (
-        Loss(what="other epoch", reason="the reference antenna ref has no such epoch", count=2),
+    assert got.unused == (
+        Unused(what="other epoch", reason="the reference antenna ref has no such epoch", count=2),
     )
 
 
@@ -65,7 +65,7 @@ def test_two_epochs_near_one_of_the_reference_count_once():
     late = one([0.0, 0.004, 0.1], ["G05 1C"])
     got = merge([one([0, 0.1, 0.2], ["G05 1C"]), late], "ab")
     np.testing.assert_array_equal(got.code_m[:, 1, 0], [0, 20, np.nan])
-    assert got.losses[0].count == 1
+    assert got.unused[0].count == 1
 
 
 def test_nominal_epochs_take_the_clock_error_away():

@@ -37,7 +37,7 @@ def new(path: Path, scratch: Path):
 
 
 def lost(whole) -> dict[str, int]:
-    return {f"{one.what}: {one.reason}": one.count for one in whole.losses}
+    return {f"{one.what}: {one.reason}": one.count for one in whole.unused}
 
 
 @pytest.mark.parametrize("name", ["imu", "imu_bom", "imu_utf16", "fixes_bom", "fixes_eu"])
@@ -63,7 +63,7 @@ def test_decimal_commas_without_the_key_are_refused_with_it(case, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "samples", "losses"),
+    ("name", "samples", "unused"),
     [
         ("duplicate", 3000, 1),
         ("backwards", 2990, 10),
@@ -72,12 +72,12 @@ def test_decimal_commas_without_the_key_are_refused_with_it(case, tmp_path):
         ("wrap32us", 3000, 0),
     ],
 )
-def test_timestamps_are_mended_or_counted(case, tmp_path, name, samples, losses):
+def test_timestamps_are_mended_or_counted(case, tmp_path, name, samples, unused):
     whole = new(case(12) / f"{name}.csv", tmp_path)
     t_s = whole.flight.imu.t_s
     assert len(t_s) == samples
     assert t_s[-1] == pytest.approx(29.99, abs=1e-6)
-    counts = {"imu row: its time does not increase": losses} if losses else {}
+    counts = {"imu row: its time does not increase": unused} if unused else {}
     assert lost(whole) == {f"{text} ({name}.csv)": count for text, count in counts.items()}
     if name != "three_microseconds":
         assert np.ptp(t_s - 0.01 * np.round(t_s / 0.01)) < 1e-6
@@ -205,11 +205,11 @@ def test_galileo_of_rinex_2_has_its_own_bands(case, name):
         assert read.doppler_hz[0, 0, channels.index(("E04", "7X"))] == 1532.0
     else:
         assert np.isnan(read.doppler_hz).all()
-    assert {one.what: one.count for one in read.losses}["E 8X observation"] == 12
+    assert {one.what: one.count for one in read.unused}["E 8X observation"] == 12
 
 
 @pytest.mark.parametrize(
-    ("number", "name", "losses"),
+    ("number", "name", "unused"),
     [
         ("02", "a.21o", {}),
         ("02", "dos_eof.21o", {}),
@@ -222,12 +222,12 @@ def test_galileo_of_rinex_2_has_its_own_bands(case, name):
         ("08", "rinex3.rnx", {"rinex3.rnx epoch": 597}),
     ],
 )
-def test_three_epochs_of_nine_satellites_are_read(case, number, name, losses):
+def test_three_epochs_of_nine_satellites_are_read(case, number, name, unused):
     read, channels = observations(case(number) / name)
     assert len(channels) == 9
     assert np.isfinite(read.phase_cycles).sum() == 27
     assert np.isfinite(read.code_m).sum() == (24 if number == "08" else 27)
-    assert {one.what: one.count for one in read.losses} == losses
+    assert {one.what: one.count for one in read.unused} == unused
     if number == "07":
         np.testing.assert_array_equal(read.t_s, 2048 * 604_800 + np.array([-1, 0, 1]))
     if number == "06":

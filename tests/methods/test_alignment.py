@@ -33,7 +33,7 @@ def test_a_car_that_stands_first_is_answered_from_its_first_epoch(flight, method
     assert estimate.converged
     assert estimate.available > 0.995
     assert estimate.t_s[0] == 0.0
-    assert estimate.losses == ()
+    assert estimate.unused == ()
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
     sigma_rad, at_rest = heading_sigma_rad(estimate), estimate.t_s < STANDS_S - 6.0
     is_open = sigma_rad > 0.9 * np.sqrt(open_angle_variance_rad2())

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 from numpy.testing import assert_allclose
 
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.parameters import Parameters, flight_constant
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.methods.smoothing.calibration_report import calibrated_constants, constant_note
+from fgnav.methods.smoothing.calibration_report import calibrated_parameters, constant_note
 
 AXES = ("north", "east", "down")
 
@@ -38,9 +38,9 @@ def test_constants_that_were_asked_for_are_listed_off_what_was_expected():
     landmark = dataclasses.replace(flight_constant("landmark", AXES, "m", 10.0), mean=mean)
     hidden = flight_constant("mean rate", ("x_b", "y_b", "z_b"), "rad/s", 15.0, reported=False)
     boresight = flight_constant("boresight", ("about y_b", "about z_b"), "rad", 0.1)
-    constants = Constants((landmark, hidden, boresight))
+    constants = Parameters((landmark, hidden, boresight))
     P = np.diag([1.0, 4.0, 9.0, 1, 1, 1, 1e-4, 4e-4])
-    found = calibrated_constants(constants, solution([2001, 298, 13, 7, 7, 7, 0.02, -0.01], P))
+    found = calibrated_parameters(constants, solution([2001, 298, 13, 7, 7, 7, 0.02, -0.01], P))
     assert [one.name for one in found] == ["landmark", "boresight"]
     assert_allclose(found[0].value, [1.0, -2.0, 3.0])
     assert_allclose(found[0].covariance, P[:3, :3])  # as known at the end
@@ -51,7 +51,7 @@ def test_constants_that_were_asked_for_are_listed_off_what_was_expected():
 def test_angles_are_listed_in_degrees():
     boresight = flight_constant("boresight", ("about y_b", "about z_b"), "rad", 0.1)
     value, P = np.radians([1.0, -2.0]), np.diag(np.radians([0.1, 0.2]) ** 2)
-    (found,) = calibrated_constants(Constants((boresight,)), solution(value, P))
+    (found,) = calibrated_parameters(Parameters((boresight,)), solution(value, P))
     assert constant_note(found) == (
         "Boresight, difference from the nominal: about y_b +1.0000 ± 0.1000, "
         "about z_b -2.0000 ± 0.2000 deg (1 sigma)."
@@ -61,7 +61,7 @@ def test_angles_are_listed_in_degrees():
 def test_of_many_axes_the_first_and_the_last_are_listed():
     axes = tuple(f"at {t}.0 s" for t in range(5))
     drift = flight_constant("barometer", axes, "m", 20.0)
-    (found,) = calibrated_constants(Constants((drift,)), solution(np.arange(5.0), np.eye(5)))
+    (found,) = calibrated_parameters(Parameters((drift,)), solution(np.arange(5.0), np.eye(5)))
     assert constant_note(found) == (
         "Barometer, difference from the nominal: at 0.0 s +0.00 ± 1.00, "
         "at 4.0 s +4.00 ± 1.00 m (1 sigma)."

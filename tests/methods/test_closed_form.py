@@ -107,7 +107,7 @@ def test_it_is_found_by_name(array_flight):
 def test_epochs_without_two_baselines_are_counted(array_flight):
     estimate = ClosedForm(resolver=Partial())(array_flight)
     assert (len(estimate.t_s), estimate.n_epochs) == (17, 50)
-    counts = {loss.reason: loss.count for loss in estimate.losses if loss.what == "epoch"}
+    counts = {loss.reason: loss.count for loss in estimate.unused if loss.what == "epoch"}
     assert counts == {"no two vectors out of line": 33}
 
 

@@ -16,12 +16,12 @@ from fgnav.graph import angular_motion, constant, imu_bias, pose, velocity
 from fgnav.graph.custom import jacobian_misfit, residual_factor
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig
 from tests.assembly import flights
 from tests.methods.simulated import errors_rad, flown, shared
 from tests.methods.star_tracker import EVERY, NAME, SIGMA_RAD, StarTracker, drawn, own
 
-METHODS = [Smoother(lag_s=2.0, noise="stated"), Forward(noise="stated"), Batch(noise="stated")]
+METHODS = [Smoother(lag_s=2.0, noise="nominal"), Forward(noise="nominal"), Batch(noise="nominal")]
 SEEDS = (20_001, 20_002, 20_003)
 SPAN_S = 10.0
 ODDS = 1e-3  # of a chi-square outside its band
@@ -128,7 +128,7 @@ def streamed(case, sources=(), given=None):
     for k in range(len(case.problem.t_s)):
         factors = (given or {}).get(k, ())
         left.append(stream.update(dataclasses.replace(measurements(case, k), factors=factors)))
-    left = [part for part in (*left, stream.rest()) if len(part.t_s)]
+    left = [part for part in (*left, stream.flush()) if len(part.t_s)]
     return dataclasses.replace(
         left[-1],
         **{
@@ -153,8 +153,10 @@ NOT_JOINED = (
 
 
 def stream_of(case, sources=()):
-    set_up = StreamSetUp(origin=flights.ORIGIN, antenna_b_m=np.zeros(3), rate_prior=case.rate_prior)
-    return Stream(set_up, 2.0, factors=sources)
+    config = StreamConfig(
+        origin=flights.ORIGIN, antenna_b_m=np.zeros(3), rate_prior=case.rate_prior
+    )
+    return Stream(config, 2.0, factors=sources)
 
 
 def measurements(case, k):

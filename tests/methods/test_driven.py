@@ -33,7 +33,7 @@ def test_a_filter_waits_until_motion_has_told_the_heading():
     figures = []
     for seed in (31_001, 31_002):
         flight = flown(seed, until_s=35.0)
-        estimate = shared(Forward(noise="stated"), flight)
+        estimate = shared(Forward(noise="nominal"), flight)
         figures.append(nees(flight, estimate, 15.0, 35.0))
     assert np.mean(figures) < 6.0
 
@@ -43,14 +43,14 @@ def test_what_leaves_a_window_knows_biases_by_what_they_did():
     figures = []
     for seed in (1, 2):
         flight = flown(seed, biased=True)
-        estimate = shared(Smoother(noise="stated"), flight)
+        estimate = shared(Smoother(noise="nominal"), flight)
         figures.append(nees(flight, estimate))
     assert np.mean(figures) < 6.25  # that of the bias by its prior; 27 in body axes
 
 
 @pytest.mark.parametrize(
     ("method", "times"),
-    [(Batch(noise="stated"), 2.0), (Smoother(noise="stated"), 1.2)],
+    [(Batch(noise="nominal"), 2.0), (Smoother(noise="nominal"), 1.2)],
 )
 def test_tags_within_half_a_sample_are_estimated_with_the_flight(method, times):
     """A window knows the clock by then alone, and states more doubt of attitudes anyway."""
@@ -67,4 +67,4 @@ def test_tags_within_half_a_sample_are_estimated_with_the_flight(method, times):
 
 def test_tags_that_are_exact_lose_nothing_by_being_doubted():
     flight = driven(31_005, late_sigma_s=STEP_S / np.sqrt(12))
-    assert nees(flight, Batch(noise="stated")(flight)) < 6.0
+    assert nees(flight, Batch(noise="nominal")(flight)) < 6.0

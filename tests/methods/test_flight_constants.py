@@ -27,7 +27,7 @@ def rms_rad(flight, estimate):
 
 
 def named(estimate, name):
-    return next(one for one in estimate.constants if one.name == name)
+    return next(one for one in estimate.calibration if one.name == name)
 
 
 def normalised(constant, truth):
@@ -45,9 +45,9 @@ def misplaced():
 @pytest.mark.parametrize("method", [Batch, Smoother])
 def test_an_antenna_three_centimetres_off_costs_nothing_once_it_is_estimated(method):
     right, wrong = flown("demo", SPAN_S), misplaced()
-    estimate = shared(method(estimate=("antenna:a4",)), wrong)
+    estimate = shared(method(calibrate=("antenna:a4",)), wrong)
     usual = rms_rad(right, shared(method(), right))
-    assert rms_rad(right, shared(method(noise="stated"), wrong)) > 3 * usual
+    assert rms_rad(right, shared(method(noise="nominal"), wrong)) > 3 * usual
     assert rms_rad(right, estimate) < 1.1 * usual
     assert not shared(method(), wrong).consistent
     sigmas, squared = normalised(named(estimate, "antenna a4"), -OFF_B_M)
@@ -64,7 +64,7 @@ def approach():
 
 @pytest.fixture(scope="module")
 def usual_rad(approach):
-    return rms_rad(approach, Batch(noise="stated")(approach))
+    return rms_rad(approach, Batch(noise="nominal")(approach))
 
 
 def test_a_landmark_five_metres_off_is_found(approach, usual_rad):
@@ -73,7 +73,7 @@ def test_a_landmark_five_metres_off_is_found(approach, usual_rad):
     wrong = dataclasses.replace(
         approach, photodetector=dataclasses.replace(approach.photodetector, landmark_n_m=place_n_m)
     )
-    estimate = Batch(estimate=("landmark",))(wrong)
+    estimate = Batch(calibrate=("landmark",))(wrong)
     sigmas, squared = normalised(named(estimate, "landmark"), -shift_n_m)
     assert sigmas < 3
     assert squared < 14.2
@@ -99,10 +99,10 @@ def turned(flight, turn_b_rad):
 
 def test_a_detector_turned_by_a_degree_is_found(approach, usual_rad):
     wrong = turned(approach, TURN_B_RAD)
-    estimate = Batch(estimate=("boresight",))(wrong)
+    estimate = Batch(calibrate=("boresight",))(wrong)
     constant = named(estimate, "boresight")
     assert np.abs(constant.value - TURN_B_RAD[1:]).max() < np.radians(0.05)
-    assert rms_rad(approach, Batch(noise="stated")(wrong)) > 1.5 * usual_rad
+    assert rms_rad(approach, Batch(noise="nominal")(wrong)) > 1.5 * usual_rad
     assert rms_rad(approach, estimate) < 1.15 * usual_rad
 
 
@@ -118,11 +118,11 @@ def test_constants_that_nothing_tells_of_are_no_solution(approach):
     )
     blind = dataclasses.replace(flown("approach", SPAN_S), photodetector=dark)
     with pytest.raises(NoSolutionError, match="landmark: the detector never sees the landmark"):
-        Batch(estimate=("landmark",))(blind)
+        Batch(calibrate=("landmark",))(blind)
 
 
 def test_the_estimate_lists_constants_with_their_sigmas():
-    estimate = Batch(estimate=("antenna:a4=0.1",))(flown("demo", SPAN_S))
+    estimate = Batch(calibrate=("antenna:a4=0.1",))(flown("demo", SPAN_S))
     listed = named(estimate, "antenna a4").to_dict()
     assert listed["unit"] == "m"
     assert set(listed["value"]) == set(listed["sigma"]) == {"x_b", "y_b", "z_b"}
@@ -133,20 +133,20 @@ def test_the_estimate_lists_constants_with_their_sigmas():
 
 
 def test_constants_are_estimated_in_the_order_of_their_requests():
-    estimate = Batch(estimate=("lever-arm", "antenna:a4=0.1"), noise="stated")(flown("demo", 6.0))
-    assert [one.name for one in estimate.constants] == ["lever-arm", "antenna a4"]
+    estimate = Batch(calibrate=("lever-arm", "antenna:a4=0.1"), noise="nominal")(flown("demo", 6.0))
+    assert [one.name for one in estimate.calibration] == ["lever-arm", "antenna a4"]
 
 
 def test_an_accelerometer_that_sits_elsewhere_is_found_and_the_origin_stays_where_it_is():
     right = flown("demo", SPAN_S, 1, (0.5, 0.1, -0.2))
     imu = dataclasses.replace(right.imu, position_b_m=np.array([0.3, 0.2, 0.1]))
     wrong = dataclasses.replace(right, imu=imu)
-    estimate, usual = Batch(estimate=("lever-arm",))(wrong), Batch()(right)
+    estimate, usual = Batch(calibrate=("lever-arm",))(wrong), Batch()(right)
     sigmas, squared = normalised(named(estimate, "lever-arm"), np.array([-0.2, 0.1, 0.3]))
     assert sigmas < 3
     assert squared < 14.2
     assert rms_rad(right, estimate) < 1.1 * rms_rad(right, usual)
-    assert rms_rad(right, Batch(noise="stated")(wrong)) > 3 * rms_rad(right, usual)
+    assert rms_rad(right, Batch(noise="nominal")(wrong)) > 3 * rms_rad(right, usual)
     for name in ("p_n_m", "v_n_mps"):
         apart = getattr(estimate, name) - getattr(usual, name)
         assert np.sqrt((apart**2).sum(axis=1).mean()) < 0.02, name
@@ -158,14 +158,14 @@ def test_an_accelerometer_that_sits_elsewhere_is_found_and_the_origin_stays_wher
 def test_times_between_keyframes_know_the_same_constants():
     """An array's shape, a barometer and a magnetometer at keyframes that measure nothing."""
     flight = flown("demo", 6.0)
-    method = Batch(estimate=("antenna:a4",), rate_prior=PRIOR, noise="stated")
+    method = Batch(calibrate=("antenna:a4",), rate_prior=PRIOR, noise="nominal")
     whole, dense = method(flight), method.at(flight, np.arange(1.0, 4.0, 0.05))
     assert len(dense.t_s) == 60
     one, other = named(whole, "antenna a4"), named(dense, "antenna a4")
     sigma = np.sqrt(np.diag(one.covariance))
     assert np.abs((one.value - other.value) / sigma).max() < 0.2
     flight = flown("surroundings", 10.0)
-    method = Batch(noise="stated")
+    method = Batch(noise="nominal")
     whole, dense = method(flight), method.at(flight, np.arange(2.0, 8.0, 0.25))
-    for a, b in zip(whole.constants, dense.constants, strict=True):
+    for a, b in zip(whole.calibration, dense.calibration, strict=True):
         assert np.abs((a.value - b.value) / np.sqrt(np.diag(a.covariance))).max() < 0.3

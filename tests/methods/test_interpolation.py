@@ -11,7 +11,7 @@ from fgnav.methods.smoother import Batch, Forward, Smoother
 from tests.methods.simulated import errors_rad, flown, nees
 
 RIGHT = Truth()
-BATCH = Batch(resolver=RIGHT, noise="stated")
+BATCH = Batch(resolver=RIGHT, noise="nominal")
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_a_time_at_a_keyframe_is_that_keyframe(flight, batch):
 
 def test_at_keyframes_the_search_starts_where_it_did(flight):
     """To the last bit, at the last one, too: a filter's covariance tells by 1e-6 of itself."""
-    problem = Smoother(resolver=RIGHT, noise="stated").prepare(flight).problem
+    problem = Smoother(resolver=RIGHT, noise="nominal").prepare(flight).problem
     dense = with_times(problem, problem.t_s[:-1] + 0.05)
     row = np.searchsorted(dense.t_s, problem.t_s)
     for name in ("R_nb", "p_n_m", "v_n_mps", "aux"):
@@ -56,7 +56,7 @@ def test_at_keyframes_the_search_starts_where_it_did(flight):
 
 @pytest.mark.parametrize("method", [Smoother, Forward])
 def test_the_window_and_the_filter_tell_any_time_too(flight, method):
-    one = method(resolver=RIGHT, noise="stated")
+    one = method(resolver=RIGHT, noise="nominal")
     estimate = one.at(flight, np.array([5.03, 5.07, 12.345]))
     assert np.abs(errors_rad(flight, estimate)).max() < 0.1
     assert estimate.method == one.name

@@ -50,7 +50,7 @@ def test_an_epoch_with_a_wrong_integer_is_not_answered_but_counted():
     estimate = MaximumLikelihood(resolver=Off(epochs=(7, 11)))(flight)
     assert len(estimate.t_s) == estimate.n_epochs - 2
     assert not np.isin(flight.observations.t_s[[7, 11]], estimate.t_s).any()
-    lost = {loss.reason: loss.count for loss in estimate.losses}
+    lost = {loss.reason: loss.count for loss in estimate.unused}
     assert lost["residuals of the fixed array fail the chi-square test"] == 2
 
 

@@ -53,7 +53,7 @@ def test_a_heading_that_nothing_tells_is_open_and_the_rest_is_honest(method):
     squares = []
     for seed in SEEDS:
         flight = cruising(seed)
-        found = shared(dataclasses.replace(method, noise="stated"), flight)
+        found = shared(dataclasses.replace(method, noise="nominal"), flight)
         assert found.sigma_deg[:, 2].min() > 60  # uniform over the circle: 104
         squares.append(nees(errors_rad(flight, found), found.attitude_covariance_rad2))
     # Roll and pitch tell 1 each; the heading's mean square is 1 if uniform, 3 at most.
@@ -65,7 +65,7 @@ def test_a_heading_stated_roughly_weighs_the_headings_of_a_batch():
     R_nb, _ = attitude_at(flight.truth, flight.fixes[0].t_s[:1])
     heading_rad = float(rotations.to_euler(R_nb)[0, 2]) + 0.3
     initial = InitialAttitude(heading_rad=heading_rad, heading_sigma_rad=0.5)
-    found = Batch(noise="stated")(dataclasses.replace(flight, initial=initial))
+    found = Batch(noise="nominal")(dataclasses.replace(flight, initial=initial))
     assert 20 < found.sigma_deg[0, 2] < 45  # 0.5 rad are 29 degrees
     assert nees(errors_rad(flight, found), found.attitude_covariance_rad2) < 5
 
@@ -92,7 +92,7 @@ def test_phases_tell_a_window_no_heading_that_is_none(method):
     for seed in range(4):
         rng = np.random.default_rng(400 + seed)
         flight = told(simulate(scenario, rng), np.radians(1.0), rng)
-        found = dataclasses.replace(method, noise="stated")(flight)
+        found = dataclasses.replace(method, noise="nominal")(flight)
         assert found.sigma_deg[-1, 2] > 1.0  # nothing tells it better than it is stated
         squares.append(nees(errors_rad(flight, found), found.attitude_covariance_rad2))
     assert 1.5 < np.mean(squares) < 4.5

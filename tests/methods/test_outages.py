@@ -17,7 +17,7 @@ from tests.assembly.test_problem import PER_EPOCH, with_outages
 from tests.methods.simulated import errors_rad, nees, shared
 from tests.methods.test_truncation import scenario
 
-BATCH = Batch(resolver=Truth(), noise="stated")
+BATCH = Batch(resolver=Truth(), noise="nominal")
 
 
 def within_three_sigma(flight, estimate):
@@ -69,7 +69,7 @@ def test_a_hole_in_the_inertial_record_is_bridged():
 def test_a_minute_without_satellites_leaves_a_filter_within_what_it_states():
     """Normal equations lose the position: elimination goes on by rows."""
     flight = with_outages(OutageTable(from_s=6.0, until_s=66.0), span_s=70.0)
-    estimate = Forward(resolver=Truth(), noise="stated")(flight)
+    estimate = Forward(resolver=Truth(), noise="nominal")(flight)
     assert estimate.available == 1
     sigma_m = np.sqrt(np.einsum("nii->ni", estimate.position_covariance_m2)).max(axis=1)
     assert sigma_m[655] > 1000 > 10 > sigma_m[680]
@@ -118,7 +118,7 @@ def without_satellites(seed):
 
 @pytest.mark.parametrize(
     ("method", "seed"),
-    [(Smoother(noise="stated"), 20_001), (Forward(noise="stated"), 20_001), (Batch(), 20_104)],
+    [(Smoother(noise="nominal"), 20_001), (Forward(noise="nominal"), 20_001), (Batch(), 20_104)],
     ids=lambda one: getattr(one, "name", one),
 )
 def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, seed):
@@ -139,7 +139,7 @@ def test_fifteen_seconds_without_satellites_are_solved_by_every_method(method, s
 
 
 def test_a_search_along_a_valley_ends_where_a_newton_step_is_short():
-    problem = Batch(noise="stated").prepare(without_satellites(20_104)).problem
+    problem = Batch(noise="nominal").prepare(without_satellites(20_104)).problem
     end = gauss_newton(problem).solution
     assert end.converged
     assert end.updates > 10  # where Newton's own steps lead, five or six are enough

@@ -39,7 +39,7 @@ def yaw_over_sigma(flight, estimate):
 
 
 @pytest.mark.parametrize("gyroscope", [True, False])
-@pytest.mark.parametrize("method", [Smoother(), Batch(noise="stated")], ids=lambda one: one.name)
+@pytest.mark.parametrize("method", [Smoother(), Batch(noise="nominal")], ids=lambda one: one.name)
 def test_errors_are_within_what_is_stated_gaps_of_the_baseline_included(method, gyroscope):
     nees, in_gaps = [], []
     for seed in range(51_001, 51_005):
@@ -59,7 +59,7 @@ def test_errors_are_within_what_is_stated_gaps_of_the_baseline_included(method, 
 @pytest.mark.parametrize("measures", ["vector", "direction", "heading"])
 def test_one_receiver_and_a_baseline_have_a_heading_from_the_first_keyframe_on(measures):
     flight = flown(51_010, fixes=ONE, motion=HOVER, measures=measures)
-    for method in (Smoother(noise="stated"), Forward(noise="stated")):
+    for method in (Smoother(noise="nominal"), Forward(noise="nominal")):
         estimate = method(flight)
         assert estimate.sigma_deg[:, 2].max() < 5.0
         assert np.abs(yaw_over_sigma(flight, estimate)).max() < 5.0
@@ -68,7 +68,7 @@ def test_one_receiver_and_a_baseline_have_a_heading_from_the_first_keyframe_on(m
 @pytest.mark.parametrize("gyroscope", [True, False])
 def test_fixes_of_two_antennas_tell_the_heading_of_a_body_that_hovers(gyroscope):
     flight = flown(51_011, gyroscope, motion=HOVER, baseline=None)
-    estimate = Smoother(noise="stated")(flight)
+    estimate = Smoother(noise="nominal")(flight)
     assert np.median(estimate.sigma_deg[:, 2]) < 0.5
     assert np.mean(yaw_over_sigma(flight, estimate) ** 2) < 3.0
 
@@ -86,8 +86,8 @@ def test_baselines_between_keyframes_have_keyframes_of_their_own():
     flight = flown(51_013)
     (one,) = flight.baselines
     moved = replace(one, t_s=one.t_s + 0.037)
-    estimate = Smoother(noise="stated")(replace(flight, baselines=(moved,)))
-    assert not [loss for loss in estimate.losses if loss.what.startswith("baseline")]
+    estimate = Smoother(noise="nominal")(replace(flight, baselines=(moved,)))
+    assert not [loss for loss in estimate.unused if loss.what.startswith("baseline")]
     assert np.isin(np.round(moved.t_s, 6), np.round(estimate.t_s, 6)).mean() > 0.99
 
 

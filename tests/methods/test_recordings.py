@@ -29,7 +29,7 @@ def test_a_car_s_late_velocities_and_stretched_clock_are_found(shared):
     """Two minutes: by all nine its velocities are .128 s old, its clock runs 261 ppm slow."""
     estimate = Batch()(truncated(drive(shared, stretched=True), 120.0))
     assert estimate.converged
-    constants = {one.name: one for one in estimate.constants}
+    constants = {one.name: one for one in estimate.calibration}
     assert 0.115 < constants["velocity delay"].value[0] < 0.140
     rate_ppm = constants["clock rate"].value[0]
     assert abs(rate_ppm + 261.0) < 3 * np.sqrt(constants["clock rate"].covariance[0, 0])

@@ -96,7 +96,7 @@ def test_epochs_that_fail_the_ratio_test_are_counted():
     # Code that claims far too much noise makes every float solution weak.
     weak = replace(weak, gnss_noise=GnssNoise(code_m=3.0, phase_m=0.003))
     estimate = Rtk(ratio_min=2.0)(weak)
-    lost = sum(loss.count for loss in estimate.losses if loss.what == "epoch")
+    lost = sum(loss.count for loss in estimate.unused if loss.what == "epoch")
     assert lost > 0
     assert lost + len(estimate.t_s) == estimate.n_epochs
 

@@ -82,7 +82,7 @@ def test_epochs_with_wrong_integers_cost_nothing():
     excluded = [one for one in estimate.rejections if "left out" in one.reason]
     assert excluded
     assert {(one.what, one.from_s, one.until_s) for one in excluded} == {("phase", 5.0, 5.2)}
-    assert not any("chi-square" in loss.reason for loss in estimate.losses)
+    assert not any("chi-square" in loss.reason for loss in estimate.unused)
 
 
 def test_gravity_directions_take_part_and_what_is_left_out_is_counted():
@@ -109,7 +109,7 @@ def test_an_inertial_record_of_two_samples_bridges_its_hole_with_phase_alone():
         (lambda: Smoother(lag_s=0.0), "smoother lag_s: must be positive"),
         (lambda: Batch(sub_steps=0), "batch sub_steps: must be 1 or more"),
         (lambda: Batch(false_alarm=-1.0), "batch false_alarm: must be positive"),
-        (lambda: Batch(estimate=("landmrk",)), "estimate: 'landmrk' is none of"),
+        (lambda: Batch(calibrate=("landmrk",)), "calibrate: 'landmrk' is none of"),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(make, text):
@@ -161,7 +161,7 @@ def test_a_spin_is_followed_with_one_baseline(method):
 def test_errors_of_messages_do_not_keep_positions_from_phase():
     """Metres that stay with a satellite's code: its arcs have a constant for them."""
     flight = consistency.flown("a20", 3)
-    estimate = Batch(resolver=RIGHT, noise="stated")(flight)
+    estimate = Batch(resolver=RIGHT, noise="nominal")(flight)
     by_phase, by_code = (
         one.p_n_m - interpolate(one.t_s, flight.truth.t_s, flight.truth.p_n_m)
         for one in (estimate, code_solution(flight))

@@ -133,7 +133,7 @@ def test_an_epoch_takes_gravity_once_and_specific_force_only_where_it_has_none()
     assert "20 of gravity" in every_third.notes[0]
     assert "39 of specific force" in every_third.notes[0]  # 58 have both neighbours, 19 gravity
     by_low_dynamics = ClosedForm(resolver=Truth(), gravity=LowDynamics())(flight)
-    assert any(loss.what.startswith("gravity window") for loss in by_low_dynamics.losses)
+    assert any(loss.what.startswith("gravity window") for loss in by_low_dynamics.unused)
 
 
 def test_a_network_of_gravity_makes_pairs_and_others_none(tmp_path):

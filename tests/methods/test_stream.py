@@ -17,8 +17,8 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.earth import geodetic
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.factors.directions import Directions
-from fgnav.graph.types.constants import Constants
-from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamSetUp
+from fgnav.graph.types.parameters import Parameters
+from fgnav.methods.stream import Direction, Measured, Measurements, Stream, StreamConfig
 from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.types.surroundings import Barometer, Magnetometer
 from tests.assembly.flights import ORIGIN, attitude_errors_rad, turning
@@ -28,13 +28,13 @@ from tests.methods.simulated import nees
 def stream_of(case, more, lag_s=2.0, **known):
     """Feed a stream, some keyframes with more than the rest; return it and what has left it."""
     imu = case.imu
-    set_up = StreamSetUp(
+    config = StreamConfig(
         origin=ORIGIN,
         antenna_b_m=np.zeros(3),
         rate_prior=None if imu.w_b_radps is not None else case.rate_prior,
         **known,
     )
-    stream, left = Stream(set_up, lag_s), []
+    stream, left = Stream(config, lag_s), []
     for row, t_s in enumerate(case.problem.t_s):
         near = (imu.t_s > t_s - 0.25) & (imu.t_s < t_s + 0.15)
         samples = {"t_s": imu.t_s[near], "f_b_mps2": imu.f_b_mps2[near]}
@@ -58,7 +58,7 @@ def measured(series, row):
 def with_sensors(case, sensors, parts):
     """Return the flight's problem with other instruments and constants."""
     imu = case.imu
-    constants = Constants(parts if imu.w_b_radps is not None else (*parts, mean_rate()))
+    constants = Parameters(parts if imu.w_b_radps is not None else (*parts, mean_rate()))
     motion = case.problem.motion
     if imu.w_b_radps is None:
         motion = dataclasses.replace(motion, constants=constants)
@@ -92,7 +92,7 @@ def test_a_stream_of_raw_samples_ends_where_the_window_ends(gyro):
     down = [Direction(e_b=e, covariance=C) for e, C in zip(e_b, covariance, strict=True)]
     more = {row: {"gravity": one} for row, one in zip(rows, down, strict=True)}
     stream, left = stream_of(case, more)
-    parts = [part for part in (*left, stream.rest()) if len(part.t_s)]
+    parts = [part for part in (*left, stream.flush()) if len(part.t_s)]
     t_s = joined(parts, "t_s")
     np.testing.assert_array_equal(t_s, case.problem.t_s)
     seen = Directions.of("gravity", e_b, covariance).scatter(rows, len(t_s))
@@ -106,8 +106,8 @@ def test_a_stream_of_raw_samples_ends_where_the_window_ends(gyro):
     apart_m = np.abs(joined(parts, "p_n_m") - window.states.p_n_m).max(axis=1)
     assert (apart_m[-20:] < 0.1 * sigma[-20:, 3:6].max(axis=1)).all()
     assert nees(attitude_errors_rad(R_nb, case.truth), joined(parts, COVARIANCE)) < 5
-    newest = stream.newest()
-    np.testing.assert_array_equal(newest.R_nb[0], stream.rest().R_nb[-1])
+    newest = stream.latest()
+    np.testing.assert_array_equal(newest.R_nb[0], stream.flush().R_nb[-1])
     rate = joined(parts, "angular_rate_b_radps")
     turn = log(transpose(case.truth.R_nb[:-1]) @ case.truth.R_nb[1:]) / 0.1
     assert np.abs(rate[5:-5] - turn[5:-4]).max() < 0.15
@@ -122,14 +122,14 @@ def test_a_stream_of_raw_samples_ends_where_the_window_ends(gyro):
     ],
 )
 def test_what_a_keyframe_lacks_is_named(case, change, text):
-    set_up = StreamSetUp(origin=ORIGIN, antenna_b_m=np.zeros(3), rate_prior=case.rate_prior)
+    config = StreamConfig(origin=ORIGIN, antenna_b_m=np.zeros(3), rate_prior=case.rate_prior)
     first = Measurements(
         t_s=0.0,
         imu=case.imu,
         array=case.form[np.array([0])],
         position=measured(case.position, 0),
     )
-    stream = Stream(set_up)
+    stream = Stream(config)
     if "t_s" in change:
         assert not len(stream.update(first).t_s)
     with pytest.raises(BadInputError, match=text):
@@ -177,9 +177,9 @@ def test_a_stream_estimates_constants_as_the_window_does(surrounded):
         landmark_n_m=LANDMARK_N_M,
         barometer=BAROMETER,
         magnetometer=MAGNETOMETER,
-        estimate=ASKED,
+        calibrate=ASKED,
     )
-    listed = {one.name: one for one in stream.newest().constants}
+    listed = {one.name: one for one in stream.latest().calibration}
     assert list(listed) == ["landmark", "boresight", "barometer", "hard iron"]
     truth = {"landmark": OFF_N_M, "boresight": np.zeros(2), "barometer": [HIGH_M]}
     for name, value in {**truth, "hard iron": IRON_B_UT}.items():
@@ -199,7 +199,7 @@ def test_a_stream_estimates_constants_as_the_window_does(surrounded):
     asked = tuple(of_vehicle(word) for word in calibration_requests(ASKED))
     parts = (*with_landmark(asked, LANDMARK_N_M), offset, iron)
     window = solve_fixed_lag(with_sensors(case, (sight, heights, field), parts), 2.0)
-    left = [part for part in (*left, stream.rest()) if len(part.t_s)]
+    left = [part for part in (*left, stream.flush()) if len(part.t_s)]
     R_nb = joined(left, "R_nb")
     sigma = np.sqrt(np.einsum("nii->ni", window.covariance))
     apart = log(transpose(R_nb) @ window.states.R_nb) / sigma[:, :3]
@@ -212,14 +212,14 @@ def test_a_stream_states_the_covariance_of_biases(case):
     parts = [part for part in left if len(part.t_s)]
     sigma = [part.accelerometer_bias_covariance_m2ps4.trace(axis1=1, axis2=2) for part in parts]
     assert sigma[-1][-1] < 0.5 * sigma[0][0]
-    assert stream.newest().gyroscope_bias_radps is None
+    assert stream.latest().gyroscope_bias_radps is None
 
 
 @pytest.mark.parametrize(
     ("known", "text"),
     [
-        ({"estimate": ("antennas",)}, "estimate: antennas cannot be"),
-        ({"estimate": ("boresight",)}, "estimate: boresight needs a landmark_n_m"),
+        ({"calibrate": ("antennas",)}, "calibrate: antennas cannot be"),
+        ({"calibrate": ("boresight",)}, "calibrate: boresight needs a landmark_n_m"),
         (
             {"barometer": dataclasses.replace(BAROMETER, wander_m=2.0)},
             "barometer: wander_m must be 0",
@@ -239,7 +239,7 @@ def test_a_measurement_that_nothing_is_known_of_is_turned_away(case, name):
 
 
 def test_without_a_gyroscope_a_stream_needs_a_rate_prior(case):
-    stream = Stream(StreamSetUp(origin=ORIGIN, antenna_b_m=np.zeros(3)))
+    stream = Stream(StreamConfig(origin=ORIGIN, antenna_b_m=np.zeros(3)))
     first = Measurements(
         t_s=0.0,
         imu=case.imu,

@@ -22,7 +22,7 @@ from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
 from tests.methods.test_truncation import scenario
 
-STATED = Forward(noise="stated")
+STATED = Forward(noise="nominal")
 ONE = ((0.5, 0.1, 0.0),)
 SLIPS = SlipsTable(rate_per_hour=60.0, largest_cycles=10, flagged_share=0.5)
 AHEAD = Point(latitude_deg=40.36, longitude_deg=-3.88, height_m=600.0)

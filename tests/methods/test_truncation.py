@@ -112,7 +112,7 @@ CASES += [(WINDOW, which) for which in ("demo", "outage", "fixes and gyroscope",
 
 @pytest.mark.parametrize(("method", "which"), CASES, ids=lambda case: getattr(case, "name", case))
 def test_what_was_due_before_a_cut_is_the_same(method, which, tmp_path):
-    method = replace(method, estimate=FLIGHTS[which][1])
+    method = replace(method, calibrate=FLIGHTS[which][1])
     assert_same_before_cuts(method, flown(which), tmp_path / "estimate.csv")
 
 

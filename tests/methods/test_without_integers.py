@@ -21,4 +21,4 @@ def test_attitude_is_known_without_a_single_integer(flight, method):
     assert estimate.converged
     assert np.degrees(np.sqrt((error_rad[inside] ** 2).sum(axis=1).mean())) < 0.4
     assert nees(error_rad[inside], estimate.attitude_covariance_rad2[inside]) < 6
-    assert not estimate.constants
+    assert not estimate.calibration

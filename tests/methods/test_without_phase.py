@@ -40,7 +40,7 @@ def test_a_flight_without_phases_is_solved_with_gravity_and_an_honest_covariance
     assert estimate.converged
     assert (euler_rmse_deg(flight, estimate) < 1.5).all()
     assert 1 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
-    assert not any(loss.what == "velocity" for loss in estimate.losses)
+    assert not any(loss.what == "velocity" for loss in estimate.unused)
 
 
 @cache
@@ -57,11 +57,11 @@ def first_half(number):
 
 def test_a_heading_known_to_twenty_degrees_ends_at_its_minimum():
     """Full steps cross the valley to and fro: after a hundred they still were at it."""
-    prepared = Batch(gravity=TrueGravity(every=60), noise="stated").prepare(first_half(1))
+    prepared = Batch(gravity=TrueGravity(every=60), noise="nominal").prepare(first_half(1))
     assert solve_batch(prepared.problem).converged
 
 
-@pytest.mark.parametrize("noise", ["stated", "identified"])
+@pytest.mark.parametrize("noise", ["nominal", "estimated"])
 @pytest.mark.parametrize("number", [4, 14])
 def test_a_spin_is_solved_without_phase(number, noise):
     """1.2 and 4.6 turns a second."""
@@ -69,7 +69,7 @@ def test_a_spin_is_solved_without_phase(number, noise):
     estimate = Batch(noise=noise)(flight)
     assert estimate.consistent
     assert estimate.converged
-    assert not any(loss.what == "velocity" for loss in estimate.losses)
+    assert not any(loss.what == "velocity" for loss in estimate.unused)
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
@@ -102,13 +102,13 @@ def test_a_minimum_counts_where_it_explains_what_was_measured():
     loud = dataclasses.replace(
         flight, fixes=(dataclasses.replace(fixes, velocity_sigma_mps=fixes.velocity_sigma_mps / 3),)
     )
-    assert Batch(noise="stated")(flight).converged
-    estimate = shared(Batch(noise="stated"), loud)
+    assert Batch(noise="nominal")(flight).converged
+    estimate = shared(Batch(noise="nominal"), loud)
     assert not estimate.converged
     assert "turn about the specific force" in estimate.unobservable
     text = "attitude: the turn about the specific force is left open: .* explains the measurements"
     with pytest.raises(NoSolutionError, match=text):
-        shared(Smoother(noise="stated"), loud)
+        shared(Smoother(noise="nominal"), loud)
 
 
 @pytest.mark.parametrize("every", [20, 30, 60])
@@ -146,7 +146,7 @@ def test_a_filter_without_phase_is_as_sure_of_its_heading_as_it_may_be(flight):
         (first_half(1), None),
         (first_half(3), None),
     ):
-        estimate = Forward(gravity=gravity, noise="stated")(one)
+        estimate = Forward(gravity=gravity, noise="nominal")(one)
         assert estimate.converged
         assert 0.5 < nees(errors_rad(one, estimate), estimate.attitude_covariance_rad2) < 4.5
 

@@ -78,7 +78,7 @@ def test_epoch_that_lacks_a_link_is_not_fixed_and_counted(differences, flight):
     integers = classification()(replace(differences, phase_m=phase_m), flight)
     assert not integers.fixed[4].any()
     assert integers.fixed.sum() == 29 * 35
-    (loss,) = integers.losses
+    (loss,) = integers.unused
     assert "wants six satellites" in loss.reason
     assert loss.count == 34
 
@@ -91,7 +91,7 @@ def test_epochs_whose_code_is_noisier_than_in_training_are_not_fixed_and_counted
     integers = classification()(replace(differences, code_variance_m2=variance_m2), flight)
     assert integers.fixed[:7].sum() == 7 * 35
     assert not integers.fixed[7:].any()
-    (loss,) = integers.losses
+    (loss,) = integers.unused
     assert loss.reason.startswith("range noise m outside 0.0005 to 0.003 m, network ambiguity-cla")
     assert loss.count == 23 * 35
 
@@ -104,7 +104,7 @@ def test_other_signals_are_not_fixed_and_counted():
     of_1c = np.array(differences.signals) == "1C"
     assert integers.fixed[..., of_1c].sum() == 30 * 35
     assert not integers.fixed[..., ~of_1c].any()
-    (loss,) = integers.losses
+    (loss,) = integers.unused
     assert loss.reason.startswith("not GPS 1C")
     assert loss.count == 30 * 35
 
@@ -113,7 +113,7 @@ def test_less_likely_integers_are_left_out_and_counted(differences, flight):
     every, sure = (AmbiguityNetwork(probability_min=p)(differences, flight) for p in (0.0, 0.99))
     assert 0.8 * 30 * 35 < sure.fixed.sum() < every.fixed.sum()
     np.testing.assert_array_equal(sure.cycles[sure.fixed], every.cycles[sure.fixed])
-    (loss,) = sure.losses
+    (loss,) = sure.unused
     assert loss.reason == "probability below 0.99"
     assert loss.count == every.fixed.sum() - sure.fixed.sum()
     wrong = every.cycles != right(differences, flight)

@@ -64,7 +64,7 @@ def fivefold(flight):
 
 
 def reasons(made):
-    return " | ".join(loss.reason for loss in made.losses)
+    return " | ".join(loss.reason for loss in made.unused)
 
 
 @pytest.fixture(scope="module")
@@ -143,16 +143,16 @@ def test_answers_stand_two_half_lives_apart_and_share_what_lasts():
     rows = [newest_keyframe(one) for one in made.factors]
     assert np.diff(flight.fixes[0].t_s[rows]).min() >= source.between_s - 1e-6
     assert all(constant(0) in one.factor.keys() for one in made.factors)  # noqa: SIM118  # no dict
-    assert sum(loss.count for loss in made.losses) + len(rows) == len(flight.fixes[0].t_s)
+    assert sum(loss.count for loss in made.unused) + len(rows) == len(flight.fixes[0].t_s)
 
 
 def test_the_smoother_of_a_flight_without_phase_keeps_its_tilt():
     flight = flown(BANKED)
-    estimate = Smoother(factors=(str(manifest("gravity")),), noise="stated")(flight)
+    estimate = Smoother(factors=(str(manifest("gravity")),), noise="nominal")(flight)
     row = np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)
     sine = np.linalg.norm(np.cross(estimate.R_nb[:, 2], flight.truth.R_nb[row, 2]), axis=1)
     assert np.degrees(np.sqrt(np.mean(sine**2))) < 2.5
-    assert any("their errors are alike" in loss.reason for loss in estimate.losses)
+    assert any("their errors are alike" in loss.reason for loss in estimate.unused)
 
 
 def test_only_methods_that_use_gravity_are_given_it():

@@ -41,7 +41,7 @@ def test_a_bad_link_is_found_left_out_and_counted():
     assert accepted.mean() > 0.5
     assert not integers.fixed[accepted, 2, low].all()
     assert (integers.cycles[integers.fixed] == made.cycles[integers.fixed]).all()
-    worse = [loss for loss in integers.losses if "worse than stated" in loss.reason]
+    worse = [loss for loss in integers.unused if "worse than stated" in loss.reason]
     lost = d.resolvable[accepted] & ~integers.fixed[accepted]
     assert worse[0].count == lost.sum()
 
@@ -137,7 +137,7 @@ def test_an_epoch_without_code_has_no_answer():
     assert not integers.fixed[1].any()
     assert integers.wrong_probability[1] == 1.0
     assert integers.reasons[1] == "no link with code and phase"
-    assert any(loss.reason == "phase without code" for loss in integers.losses)
+    assert any(loss.reason == "phase without code" for loss in integers.unused)
 
 
 def test_posteriors_are_shares_of_exponentials():

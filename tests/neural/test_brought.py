@@ -10,7 +10,7 @@ from fgnav import cli
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.methods.stream import Stream, StreamSetUp
+from fgnav.methods.stream import Stream, StreamConfig
 from fgnav.neural import NeuralFactor
 from tests.assembly import flights
 from tests.methods.simulated import flown
@@ -35,7 +35,7 @@ METHODS = (Smoother(), Forward(), Batch())
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
 def test_a_network_of_the_flight_is_that_of_factors_and_counts_once(flight, manifest, method):
-    method = dataclasses.replace(method, noise="stated")
+    method = dataclasses.replace(method, noise="nominal")
     given = dataclasses.replace(method, factors=(str(manifest),))
     brought = dataclasses.replace(flight, networks=(manifest,))
     expected = given(flight)
@@ -49,13 +49,13 @@ def test_a_network_of_the_flight_is_that_of_factors_and_counts_once(flight, mani
 def test_a_stream_takes_the_networks_of_its_set_up(tmp_path):
     case = flights.turning(np.random.default_rng(30_001), span_s=3.0, gyro=True, amplitude_deg=15.0)
     manifest = graphs.heading(tmp_path, value=0.3, half_life_s=0.1)
-    set_up = StreamSetUp(origin=flights.ORIGIN, antenna_b_m=np.zeros(3))
-    bringing = dataclasses.replace(set_up, networks=(manifest,))
+    config = StreamConfig(origin=flights.ORIGIN, antenna_b_m=np.zeros(3))
+    bringing = dataclasses.replace(config, networks=(manifest,))
     found = []
-    for one, factors in ((bringing, ()), (set_up, (NeuralFactor(manifest),)), (set_up, ())):
+    for one, factors in ((bringing, ()), (config, (NeuralFactor(manifest),)), (config, ())):
         stream = Stream(one, 1.0, factors=factors)
         parts = [stream.update(now) for now in measured(case)]
-        found.append(np.concatenate([part.R_nb for part in (*parts, stream.rest())]))
+        found.append(np.concatenate([part.R_nb for part in (*parts, stream.flush())]))
     np.testing.assert_array_equal(found[0], found[1])
     assert np.abs(found[0] - found[2]).max() > 1e-6
 
@@ -64,7 +64,7 @@ def test_run_and_compare_use_what_flight_toml_names(flight, manifest, tmp_path, 
     folder = tmp_path / "flight"
     save_flight(dataclasses.replace(flight, networks=(manifest,)), folder)
     assert '[[network]]\nmanifest = "network-1/net.json"' in (folder / "flight.toml").read_text()
-    options = ["--noise", "stated", "--json"]
+    options = ["--noise", "nominal", "--json"]
     run = ["run", str(folder), "--out", str(tmp_path / "out"), *options]
     assert cli.main([*run, str(tmp_path / "run.json")]) == 0
     tests = json.loads((tmp_path / "run.json").read_text())["methods"]["smoother"]["consistency"]

@@ -108,12 +108,12 @@ def test_windows_end_at_keyframes_and_hold_nothing_later(tmp_path):
     source = NeuralFactor(graphs.heading(tmp_path), records={"gyroscope": record})
     found = source(flown("surroundings", 5.0), timeline(np.array([0.02, 1.0, 2.0, 2.01, 2.9, 3.5])))
     assert [one.factor.keys() for one in found] == [[pose(1)], [pose(2)]]
-    lost = {loss.reason: loss.count for loss in found.losses}
+    lost = {loss.reason: loss.count for loss in found.unused}
     assert lost == {
         "gyroscope has no window of 5 samples at 100 Hz": 2,
         "gyroscope channel 0 outside -1000 to 1000 rad/s, the network's training domain": 2,
     }
-    assert {loss.what for loss in found.losses} == {"net answer"}
+    assert {loss.what for loss in found.unused} == {"net answer"}
 
 
 def test_a_gap_in_a_window_leaves_its_answer_out(tmp_path):
@@ -134,7 +134,7 @@ def test_outside_of_what_its_graph_computes_a_factor_leaves(tmp_path):
         found = NeuralFactor(path)(flown("surroundings", 5.0), times)
         assert len(list(found)) == count
     reason = "s outside -2 to 0 m/s2, the network's training domain"
-    assert [(loss.reason, loss.count) for loss in found.losses] == [(reason, 10)]
+    assert [(loss.reason, loss.count) for loss in found.unused] == [(reason, 10)]
 
 
 def test_answers_within_two_half_lives_are_left_out_and_the_rest_are_inflated(tmp_path):
@@ -142,7 +142,7 @@ def test_answers_within_two_half_lives_are_left_out_and_the_rest_are_inflated(tm
     source = NeuralFactor(graphs.heading(tmp_path, half_life_s=0.25))
     found = source(flown("surroundings", 5.0), timeline(np.arange(1.0, 4.01, 0.1)))
     assert [one.factor.keys()[0] for one in found] == [pose(k) for k in range(0, 31, 5)]
-    assert [loss.count for loss in found.losses] == [31 - 7]
+    assert [loss.count for loss in found.unused] == [31 - 7]
     for one in found:
         np.testing.assert_allclose(
             one.factor.noiseModel().sigmas(), np.sqrt(5 / 3) * sigma_rad, rtol=1e-6
@@ -153,7 +153,7 @@ def test_a_displacement_needs_a_keyframe_where_it_begins(tmp_path):
     path = graphs.heading(tmp_path, measures="displacement", value=np.ones(3), over_s=0.3)
     found = NeuralFactor(path)(flown("surroundings", 5.0), timeline(np.array([1.0, 1.2, 1.3, 1.4])))
     assert [list(one.factor.keys()) for one in found] == [[pose(0), pose(2)]]
-    assert [(loss.count, loss.reason[:27]) for loss in found.losses] == [
+    assert [(loss.count, loss.reason[:27]) for loss in found.unused] == [
         (3, "no keyframe stands 0.3 s be")
     ]
 

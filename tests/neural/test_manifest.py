@@ -199,7 +199,7 @@ def test_a_manifest_stands_for_a_source_on_the_command_line(tmp_path, capsys):
         tmp_path, measures="velocity", sensor="accelerometer", value=value, spread=spread
     )
     words = ["run", str(tmp_path / "flight"), "--integers", "truth", "--out", str(tmp_path / "out")]
-    words += ["--noise", "stated"]
+    words += ["--noise", "nominal"]
     assert cli.main([*words, "--factors", str(path)]) == 0
     assert '"net"' in (tmp_path / "out" / "summary.json").read_text()
     capsys.readouterr()

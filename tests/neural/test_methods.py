@@ -9,7 +9,7 @@ import pytest
 
 from fgnav.geometry import rotations
 from fgnav.methods.smoother import Batch, Forward, Smoother
-from fgnav.methods.stream import Measured, Measurements, Stream, StreamSetUp
+from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig
 from fgnav.neural import NeuralFactor
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
@@ -45,18 +45,18 @@ def test_a_heading_network_tells_a_straight_flight_its_heading(method, manifest)
     for seed in SEEDS:
         flight = flown(seed)
         factors = (source(manifest, flight, seed),)
-        found = dataclasses.replace(method, noise="stated", factors=factors)(flight)
+        found = dataclasses.replace(method, noise="nominal", factors=factors)(flight)
         assert euler_rmse_deg(flight, found)[2] < 1.2  # three of what it states
         assert found.sigma_deg[:, 2].max() < 1.2
         squares.append(nees(errors_rad(flight, found), found.attitude_covariance_rad2))
         test = next(one for one in found.consistency if one.what == sun_compass.NAME)
         assert 0.3 < test.nis < 0.9  # 1 / c = 0.6: covariances of answers are inflated
-        assert "within 0.14 s of another" in " ".join(one.reason for one in found.losses)
+        assert "within 0.14 s of another" in " ".join(one.reason for one in found.unused)
     assert 1.0 < np.mean(squares) < 4.0
 
 
 def test_without_it_the_heading_stays_open():
-    found = Smoother(noise="stated")(flown(1))
+    found = Smoother(noise="nominal")(flown(1))
     assert found.sigma_deg[:, 2].min() > 90
 
 
@@ -64,7 +64,7 @@ def test_a_filter_knows_the_heading_as_soon_as_the_network_tells_it(manifest):
     squares = []
     for seed in SEEDS:
         flight = flown(seed)
-        found = Forward(noise="stated", factors=(source(manifest, flight, seed),))(flight)
+        found = Forward(noise="nominal", factors=(source(manifest, flight, seed),))(flight)
         open_ = found.sigma_deg[:, 2] > 90
         assert 0 < open_.sum() < 0.5 * 10  # keyframes at 10 Hz, before the network's first windows
         assert not open_[open_.sum() :].any()
@@ -80,7 +80,7 @@ def test_degrees_taken_for_radians_show_in_the_innovations(manifest, tmp_path):
     # Cosine and sine have no unit: only the network's sigma is read as a sixtieth of what it is.
     manifest_deg.write_text(content.replace('"unit": "rad"', '"unit": "deg"'))
     factors = (source(manifest_deg, flight, 1),)
-    found = Smoother(noise="stated", factors=factors)(flight)
+    found = Smoother(noise="nominal", factors=factors)(flight)
     test = next(one for one in found.consistency if one.what == sun_compass.NAME)
     assert test.nis > 100
 
@@ -109,15 +109,15 @@ def test_a_stream_takes_a_network(manifest):
     assert 1 < np.mean(squares) < 4
     tests = [one for part in parts for one in part.consistency]
     assert {one.what for one in tests} == {sun_compass.NAME}
-    lost = sum(one.count for part in parts for one in part.losses)
+    lost = sum(one.count for part in parts for one in part.unused)
     assert sum(one.count for one in tests) + lost == len(case.problem.t_s)
 
 
 def streamed(case, sources):
-    set_up = StreamSetUp(origin=flights.ORIGIN, antenna_b_m=np.zeros(3))
-    stream = Stream(set_up, 2.0, factors=sources)
+    config = StreamConfig(origin=flights.ORIGIN, antenna_b_m=np.zeros(3))
+    stream = Stream(config, 2.0, factors=sources)
     parts = [stream.update(now) for now in measured(case)]
-    return [part for part in (*parts, stream.rest()) if len(part.t_s)]
+    return [part for part in (*parts, stream.flush()) if len(part.t_s)]
 
 
 def measured(case):

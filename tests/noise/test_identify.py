@@ -113,7 +113,7 @@ def test_what_no_sensor_can_have_is_implausible():
 
 def test_estimates_do_not_depend_on_how_a_flight_was_told_its_noise():
     flight = right_flight("fixes", 95_050)
-    told = Batch(noise="stated")(flight)
+    told = Batch(noise="nominal")(flight)
     found = Batch()(with_factors(flight, {"gyroscope": 0.1}))
     off = np.degrees(np.abs(errors_rad(flight, found)).max())
     assert off < 3 * np.degrees(np.abs(errors_rad(flight, told)).max()) + 0.1

@@ -9,7 +9,7 @@ from scipy.special import chdtri
 from fgnav.assembly.position.numbered_arcs import Observed
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.methods.smoother import Smoother
 from fgnav.noise.satellite_errors import (
     ERRORS,
@@ -31,7 +31,7 @@ def phases(seed, span_s=20.0, stated=None, **gnss):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = Observed(of, rows, rows, np.zeros(3))
-    return antenna_phase((observed,), of.t_s, R_nb, Constants()).phase
+    return antenna_phase((observed,), of.t_s, R_nb, Parameters()).phase
 
 
 def dense_log_likelihood(phase):

@@ -99,7 +99,7 @@ def test_the_flight_says_what_estimators_need_to_know():
     assert flight.gnss_noise.elevation_weights == "uniform"
     assert np.degrees(flight.elevation_mask_rad) == pytest.approx(10.0)
     assert flight.imu.accelerometer_bias_mps2 == 0.03
-    assert not flight.losses
+    assert not flight.unused
 
 
 def test_receivers_without_observations_bring_the_antennas_they_speak_of():
@@ -113,8 +113,8 @@ def test_a_beacon_that_is_never_seen_is_counted():
     behind = PhotodetectorTable(landmark=Place(latitude_deg=40.32))
     flight = made(msgspec.structs.replace(FULL, photodetector=behind))
     assert flight.photodetector is None
-    assert [loss.what for loss in flight.losses] == ["photodetector"]
-    assert "never within range" in flight.losses[0].reason
+    assert [loss.what for loss in flight.unused] == ["photodetector"]
+    assert "never within range" in flight.unused[0].reason
 
 
 @pytest.mark.parametrize("name", ["demo", "ramp", "spin", "approach"])
@@ -143,7 +143,7 @@ def test_every_scenario_of_the_gallery_flies(name):
     assert gaps == (name == "rough")
     assert (tracked[:, 0] == 6).all() == (name == "six")
     assert (flight.photodetector is not None) == (name == "beacon")
-    assert [loss.what for loss in flight.losses] == ["photodetector sample"] * (name == "beacon")
+    assert [loss.what for loss in flight.unused] == ["photodetector sample"] * (name == "beacon")
 
 
 @pytest.mark.parametrize("atmosphere", [True, False])

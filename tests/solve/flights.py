@@ -14,7 +14,7 @@ from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import Constants, FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, Parameters, flight_constant
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
@@ -35,7 +35,7 @@ def flight(
     gyroscope: bool = False,
     hz: float = 10.0,
     every: int = 1,
-    extra: tuple[FlightConstant, ...] = (),
+    extra: tuple[Parameter, ...] = (),
     seed: int = 1,
     motion: TrueMotion | None = None,
 ) -> tuple[Problem, States]:
@@ -44,7 +44,7 @@ def flight(
     t_s = np.arange(round(until_s * hz) + 1) / hz
     n, rows = len(t_s), np.arange(0, len(t_s), every)
     mean_rate = flight_constant("mean rate", ("x", "y", "z"), "rad/s", 15.0, reported=False)
-    constants = Constants((*(() if gyroscope else (mean_rate,)), *extra))
+    constants = Parameters((*(() if gyroscope else (mean_rate,)), *extra))
     truth = true_motion.states(t_s, gyroscope=gyroscope, constants=constants.start)
     imu = true_motion.imu(until_s, 100.0, gyroscope=gyroscope)
     force = imu.f_b_mps2 + ACCELEROMETER_MPS2 * rng.normal(size=imu.f_b_mps2.shape)
@@ -95,7 +95,7 @@ def _measured(
     truth: States,
     t_s: FloatArray,
     rows: IntArray,
-    constants: Constants,
+    constants: Parameters,
     w_b_radps: FloatArray | None,
     rng: np.random.Generator,
 ) -> tuple[ArrayPhase, Position, Velocity]:

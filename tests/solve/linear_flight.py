@@ -11,8 +11,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import inverse_right_jacobian
 from fgnav.geometry.rotations import exp, log
-from fgnav.graph.types.constants import Constants, flight_constant
 from fgnav.graph.types.motion import LinearisedMotion
+from fgnav.graph.types.parameters import Parameters, flight_constant
 from fgnav.graph.types.problem import Problem, pose_prior
 from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
@@ -115,7 +115,7 @@ def random_problem(n: int, aux: int, b: int, *, seed: int = 1, turn_rad: float =
         start=start,
         motion=RandomMotion(t_s, F, B, u, W),  # type: ignore[arg-type]
         sensors=tuple(sensors),  # type: ignore[arg-type]
-        constants=Constants(parts),
+        constants=Parameters(parts),
         attitude_known=np.zeros(n, bool),
     )
 

@@ -7,7 +7,7 @@ import pytest
 from fgnav.checks import FloatArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, flight_values
-from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.parameters import flight_constant
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States

@@ -8,7 +8,7 @@ from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.custom import residual_factor
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.parameters import Parameters, flight_constant
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.elimination import Elimination
 from fgnav.solve.failures import in_words
@@ -80,7 +80,7 @@ def test_a_stream_of_pairs_is_the_whole_flight() -> None:
     whole, stream = solve_fixed_lag(problem, 1.0), FixedLag(1.0)
     parts = [stream.update(part(problem, 0, 1), 0)]
     parts += [stream.update(part(problem, k - 1, k), 1) for k in range(1, len(problem.t_s))]
-    parts.append(stream.rest())
+    parts.append(stream.flush())
     R = np.concatenate([p.solution.states.R_nb for p in parts if p is not None])
     np.testing.assert_allclose(R, whole.states.R_nb, atol=1e-4)  # 0.006 degrees
 
@@ -121,7 +121,7 @@ def test_kept_linearisation_stays_at_the_start() -> None:
     window = FixedLag(10.0, keep_linearisation=True)
     for row in range(len(problem.t_s)):
         window.update(problem, row)
-    assert window.rest().solution.converged
+    assert window.flush().solution.converged
     assert window.updates == 3  # one at each second, none to relinearise
 
 
@@ -189,7 +189,7 @@ def test_a_factor_of_an_unknown_variable_is_refused(key: int) -> None:
 
 
 def test_an_open_state_is_named_with_its_time() -> None:
-    layout = Layout(gyroscope=True, constants=Constants())
+    layout = Layout(gyroscope=True, constants=Parameters())
     x, v, b = layout.keyframe(0)
     tight = gtsam.noiseModel.Unit.Create
     half = gtsam.noiseModel.Diagonal.Precisions(np.array([1.0, 1.0, 0.0]))
@@ -211,7 +211,7 @@ def test_an_open_state_is_named_with_its_time() -> None:
 
 def test_a_failure_of_gtsam_is_put_in_words() -> None:
     layout = Layout(
-        gyroscope=False, constants=Constants((flight_constant("landmark", ("n",), "m", 1.0),))
+        gyroscope=False, constants=Parameters((flight_constant("landmark", ("n",), "m", 1.0),))
     )
     text = "Indeterminate linear system detected while working near variable 1 (Symbol: {}).\n"
     for symbol, words in {
@@ -237,7 +237,7 @@ def test_without_a_lag_every_block_leaves_at_once() -> None:
     for row in range(len(problem.t_s)):
         window.update(problem, row)
     with pytest.raises(NoSolutionError, match="window: no keyframe is left"):
-        window.rest()
+        window.flush()
     assert len(solve_fixed_lag(problem, 0.0).covariance) == len(problem.t_s)
 
 

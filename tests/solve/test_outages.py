@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.graph.build import Layout
-from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.parameters import flight_constant
 from fgnav.graph.types.problem import Problem
 from fgnav.process import matern
 from fgnav.solve import fixed_lag
@@ -69,7 +69,7 @@ def test_covariances_are_those_of_isam2(gyroscope: bool) -> None:
     window, layout = fixed_lag.FixedLag(1.0), Layout.of(problem)
     for row in range(len(problem.t_s)):
         window.update(problem, row)
-    oldest, solution = window.oldest, window.rest().solution
+    oldest, solution = window.oldest, window.flush().solution
     for i, covariance in enumerate(solution.covariance):
         variables = [*layout.keyframe(oldest + i), *layout.constant_keys]
         P = window.isam2.jointMarginalCovariance(variables).fullMatrix()

@@ -18,7 +18,7 @@ from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, log
 from fgnav.graph.factors.array_phase import FLOAT_AMBIGUITIES
-from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.parameters import Parameter
 from fgnav.messages import note
 from fgnav.types.differences import DoubleDifferences
 
@@ -47,13 +47,13 @@ class FloatArcs:
     notes: tuple[str, ...] = ()
 
     @property
-    def constants(self) -> tuple[FlightConstant, ...]:
+    def constants(self) -> tuple[Parameter, ...]:
         """What the stretches share: their elements, one after another."""
         if not self.count:
             return ()
         n = ELEMENTS * self.count
         return (
-            FlightConstant(
+            Parameter(
                 name=FLOAT_AMBIGUITIES,
                 axes=tuple(f"element {k}" for k in range(n)),
                 unit="",
@@ -184,7 +184,7 @@ def _solved(
 ) -> tuple[RotationQuadratic, AttitudeSolution, BoolArray]:
     """Return form and attitudes of a run, and which of its epochs agree with themselves.
 
-    Constants are first such that the body stands so at one epoch, then those that all epochs have
+    Parameters are first such that the body stands so at one epoch, then those that all epochs have
     on average: the noise of the one would show in the residuals of all.
     """
     R_nb = np.repeat(R_0[None], len(part.t_s), axis=0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.alignment.gaps import gap_notes, spans
-from fgnav.checks import IntArray, Loss, losses_of
+from fgnav.checks import IntArray, Unused, unused_of
 from fgnav.messages import Note
 from fgnav.types.flight import Flight
 
@@ -38,11 +38,11 @@ def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
     return tuple(_views(flight, causal=causal))
 
 
-def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Loss, ...]:
-    """Return the losses of all views, added up, less what one loses and another makes up for."""
+def pivot_unused(views: tuple[View, ...], unused: tuple[Unused, ...]) -> tuple[Unused, ...]:
+    """Return the unused of all views, added up, less what one loses and another makes up for."""
     flight, seen = views[0].flight, views[0].flight.observations
     counts: Counter[tuple[str, str]] = Counter()
-    for loss in losses:
+    for loss in unused:
         counts[loss.what, loss.reason] += loss.count
     for view in views[1:]:
         if seen is None:
@@ -51,7 +51,7 @@ def pivot_losses(views: tuple[View, ...], losses: tuple[Loss, ...]) -> tuple[Los
         used = (tracked & ~tracked[:, :1]).sum(axis=(0, 2))
         for antenna, count in zip(flight.antennas, used, strict=True):
             counts[f"{antenna.name} link", _AGAINST] -= int(count)
-    return losses_of(counts)
+    return unused_of(counts)
 
 
 def pivot_notes(views: tuple[View, ...]) -> Iterator[Note]:
@@ -96,7 +96,7 @@ def _by(flight: Flight, reference: int, rows: IntArray) -> Flight:
     others = [k for k in range(len(flight.antennas)) if k != reference]
     order = [reference, *others]
     changed = {name: getattr(observations, name)[rows][:, order] for name in _PER_ANTENNA}
-    part = replace(observations, t_s=observations.t_s[rows], losses=(), **changed)
+    part = replace(observations, t_s=observations.t_s[rows], unused=(), **changed)
     return replace(
-        flight, antennas=tuple(flight.antennas[k] for k in order), observations=part, losses=()
+        flight, antennas=tuple(flight.antennas[k] for k in order), observations=part, unused=()
     )

@@ -16,7 +16,7 @@ from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, skew
 from fgnav.gnss.clock_free import clock_free
-from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.parameters import Parameter
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
@@ -105,7 +105,7 @@ def shape_at(
     form: RotationQuadratic | None,
     t_s: FloatArray,
     valid: BoolArray,
-    constants: tuple[FlightConstant, ...],
+    constants: tuple[Parameter, ...],
     names: tuple[str, ...],
 ) -> BaselineForm | None:
     """Return the form of the baselines at keyframes of an array whose shape is estimated.
@@ -118,7 +118,7 @@ def shape_at(
         Of the rotation, by the same ranges, at keyframes.
     t_s, valid : ndarray, shape (n,)
         Keyframes, and which of them have an attitude by it.
-    constants : tuple of FlightConstant
+    constants : tuple of Parameter
         They start where phases place antennas; the baselines returned are those of the flight.
     names : tuple of str
         Of the antennas, the reference first.
@@ -153,8 +153,8 @@ def fixed_phases(flight: Flight, resolver: Resolver) -> FixedPhases:
 
 
 def initial_shape(
-    flight: Flight, constants: tuple[FlightConstant, ...], fixed: Callable[[], FixedPhases]
-) -> tuple[Flight, tuple[FlightConstant, ...]]:
+    flight: Flight, constants: tuple[Parameter, ...], fixed: Callable[[], FixedPhases]
+) -> tuple[Flight, tuple[Parameter, ...]]:
     """Return a flight whose array fits its phases, and constants that start there.
 
     Residuals of an antenna that is some centimetres off would pass for large noise, or for bad
@@ -166,7 +166,7 @@ def initial_shape(
     Parameters
     ----------
     flight : Flight
-    constants : tuple of FlightConstant
+    constants : tuple of Parameter
         Antennas among them.
     fixed : callable
         Returns the flight's fixed phases.
@@ -185,7 +185,7 @@ def initial_shape(
     return replace(flight, antennas=tuple(moved)), tuple(started)
 
 
-def antenna_parts(constants: tuple[FlightConstant, ...], names: tuple[str, ...]) -> tuple[int, ...]:
+def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
     """Return which of the constants is the place of each antenna but the reference; -1 of none."""
     places = {one.name: k for k, one in enumerate(constants)}
     return tuple(places.get(f"antenna {name}", -1) for name in names[1:])

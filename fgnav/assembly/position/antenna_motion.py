@@ -6,11 +6,11 @@ from functools import partial, reduce
 import numpy as np
 
 from fgnav.alignment.alignment import Alignment
-from fgnav.alignment.matching import nearest, unused
+from fgnav.alignment.matching import nearest, unmatched
 from fgnav.assembly.position.by_observations import AntennaRecord, ByObservations
 from fgnav.assembly.position.numbered_arcs import Observed
 from fgnav.assembly.position.series import VectorSeries
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity
 from fgnav.types.flight import Flight, Imu
 
@@ -24,7 +24,7 @@ class AntennaMotion:
     # Of antennas by name, of raw observations no two at one keyframe.
     velocities: tuple[tuple[str, VectorSeries], ...]
     phases: tuple[Observed, ...] = ()  # empty of fixes
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     @property
     def position(self) -> VectorSeries | None:
@@ -58,8 +58,8 @@ def antenna_motion(
     first, *others = (_of_record(one, imu, start) for one in by.antennas)
     motion = reduce(partial(_completed_by, start=start), others, first)
     count = sum(len(one.t_s) for one in flight.fixes)
-    instead = (Loss(what="fix", reason="raw observations are used instead", count=count),)
-    return replace(motion, losses=motion.losses + (instead if count else ()))
+    instead = (Unused(what="fix", reason="raw observations are used instead", count=count),)
+    return replace(motion, unused=motion.unused + (instead if count else ()))
 
 
 def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:
@@ -81,7 +81,7 @@ def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMoti
         positions=((antenna.name, position),),
         velocities=velocities,
         phases=(phases,),
-        losses=(*code.losses, *of.losses, *unused("code solution", len(code.t_s), matched)),
+        unused=(*code.unused, *of.unused, *unmatched("code solution", len(code.t_s), matched)),
     )
 
 
@@ -99,7 +99,7 @@ def _with_partial(velocity: VectorSeries, part: PartialVelocity, t_s: FloatArray
 def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
     """Return motion by the receivers' fixes at keyframes."""
     positions, velocities = [], []
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     for fixes in flight.fixes:
         arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
         row, matched = nearest(fixes.t_s, t_s)
@@ -108,9 +108,9 @@ def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
         if fixes.v_n_mps is not None and fixes.velocity_sigma_mps is not None:
             noise = _diagonal(fixes.velocity_sigma_mps)
             velocities.append((fixes.antenna, _timed(fixes.v_n_mps, noise, row, matched, arm_b_m)))
-        losses += unused("fix", len(fixes.t_s), matched)
+        unused += unmatched("fix", len(fixes.t_s), matched)
     return AntennaMotion(
-        positions=tuple(positions), velocities=tuple(velocities), losses=tuple(losses)
+        positions=tuple(positions), velocities=tuple(velocities), unused=tuple(unused)
     )
 
 
@@ -134,7 +134,7 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
         positions=positions,
         velocities=(*first.velocities, *velocities),
         phases=(*first.phases, *other.phases),
-        losses=(*first.losses, *other.losses),
+        unused=(*first.unused, *other.unused),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.alignment.rates import swing_n_mps
 from fgnav.assembly.position.series import VectorSeries
-from fgnav.checks import BoolArray, FloatArray, Loss
+from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.geometry.interpolation import integral, interpolate
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
@@ -29,7 +29,7 @@ class Gated:
     position: VectorSeries | None
     velocity: VectorSeries | None
     rejections: tuple[Rejected, ...]
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -103,8 +103,8 @@ def gated(
         position=position,
         velocity=velocity,
         rejections=tuple(one for part in lists for one in part),
-        losses=tuple(
-            Loss(what=what, reason="off its neighbours", count=int((off > 0).sum()))
+        unused=tuple(
+            Unused(what=what, reason="off its neighbours", count=int((off > 0).sum()))
             for what, _, off in tests
             if off.any()
         ),

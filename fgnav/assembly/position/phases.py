@@ -11,7 +11,7 @@ from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.checks import FloatArray
 from fgnav.gnss.undifferenced import Undifferenced
 from fgnav.graph.factors.antenna_phase import AntennaPhase
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.messages import note
 from fgnav.types.estimate import Rejected
 from fgnav.types.integers import ArcInteger
@@ -31,7 +31,7 @@ def antenna_phase(
     observed: tuple[Observed, ...],
     t_s: FloatArray,
     R_nb: FloatArray,
-    constants: Constants,
+    constants: Parameters,
     *,
     causal: bool = False,
     earlier: EarlierArcs | None = None,
@@ -45,7 +45,7 @@ def antenna_phase(
         Keyframes.
     R_nb : ndarray, shape (n, 3, 3)
         Attitudes that wind up phases.
-    constants : Constants
+    constants : Parameters
     causal : bool
         Whether integers against a base hold only after they are fixed.
     earlier : EarlierArcs, optional

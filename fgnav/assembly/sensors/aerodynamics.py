@@ -5,7 +5,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.graph.correlation import apart, inflation, interval_s
 from fgnav.graph.factors.vehicle.aerodynamic_angles import MEAN, WIND, AerodynamicAngles
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, flight_constant
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _WIDEST_RAD = 0.5  # the tangent of an angle is linear to a tenth below
@@ -13,7 +13,7 @@ _WIDEST_RAD = 0.5  # the tangent of an angle is linear to a tenth below
 
 def airflow(
     vehicle: FinnedVehicle | WheeledVehicle | None, t_s: FloatArray, v_n_mps: FloatArray
-) -> tuple[AerodynamicAngles | None, tuple[FlightConstant, ...]]:
+) -> tuple[AerodynamicAngles | None, tuple[Parameter, ...]]:
     """Return angles of keyframes, (n,), of about these velocities, (n, 3), wind and mean angles.
 
     Not where the body is so slow that air may flow from anywhere; None without fins.

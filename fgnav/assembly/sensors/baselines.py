@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fgnav.alignment.matching import nearest, unused
+from fgnav.alignment.matching import nearest, unmatched
 from fgnav.attitude.receiver_baselines import BodyBaseline, body_baseline
-from fgnav.checks import FloatArray, IntArray, Loss
+from fgnav.checks import FloatArray, IntArray, Unused
 from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.types.flight import Flight
 
@@ -13,7 +13,7 @@ _DIMENSIONS = {"vector": 3, "direction": 2, "heading": 1}
 
 def baselines(
     flight: Flight, t_s: FloatArray
-) -> tuple[tuple[BaselineVector, ...], tuple[Loss, ...]]:
+) -> tuple[tuple[BaselineVector, ...], tuple[Unused, ...]]:
     """Return the baselines of a flight's receivers at keyframes, (n,).
 
     Raises
@@ -22,15 +22,15 @@ def baselines(
         If both antennas of one are at the same place.
     """
     parts: list[BaselineVector] = []
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     for one in flight.baselines:
         if not len(one.t_s):
             continue
         at, same = nearest(one.t_s, t_s)
         row = np.flatnonzero(same)
         parts.append(_rows(body_baseline(flight, one), at[row], row))
-        losses += unused(f"baseline {' to '.join(one.antennas)}", len(one.t_s), same)
-    return tuple(parts), tuple(losses)
+        unused += unmatched(f"baseline {' to '.join(one.antennas)}", len(one.t_s), same)
+    return tuple(parts), tuple(unused)
 
 
 def _rows(between: BodyBaseline, at: IntArray, row: IntArray) -> BaselineVector:

@@ -3,8 +3,8 @@
 import numpy as np
 
 from fgnav.alignment.gaps import LONGEST_STEP_S
-from fgnav.alignment.matching import SAME_S, nearest, unused
-from fgnav.checks import FloatArray, Loss
+from fgnav.alignment.matching import SAME_S, nearest, unmatched
+from fgnav.checks import FloatArray, Unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.gravity import GravityDirection
 from fgnav.photodetector import line_of_sight, to_landmark_b_m
@@ -18,7 +18,7 @@ def sight(
     p_n_m: FloatArray,
     *,
     causal: bool = False,
-) -> tuple[Directions | None, tuple[Loss, ...]]:
+) -> tuple[Directions | None, tuple[Unused, ...]]:
     """Return directions from the accelerometer to the landmark at keyframes.
 
     The detector's lever arm is taken off with the distance that approximate positions, (n, 3),
@@ -28,19 +28,19 @@ def sight(
         return None, ()
     seen = line_of_sight(photodetector, causal=causal)
     if not len(seen.t_s):
-        return None, seen.losses
+        return None, seen.unused
     row, matched = nearest(seen.t_s, t_s)
     distance_m = np.linalg.norm(photodetector.landmark_n_m - p_n_m, axis=1)
     to_landmark = to_landmark_b_m(photodetector, seen.e_b[row], imu.position_b_m, distance_m)
     to_landmark[~matched] = np.nan
     e_b = to_landmark / np.linalg.norm(to_landmark, axis=1, keepdims=True)
-    losses = (*seen.losses, *unused("line of sight", len(seen.t_s), matched))
-    return Directions.isotropic(e_b, seen.sigma_rad), losses
+    unused = (*seen.unused, *unmatched("line of sight", len(seen.t_s), matched))
+    return Directions.isotropic(e_b, seen.sigma_rad), unused
 
 
 def gravity(
     direction: GravityDirection | None, t_s: FloatArray, *, causal: bool = False
-) -> tuple[Directions | None, tuple[Loss, ...]]:
+) -> tuple[Directions | None, tuple[Unused, ...]]:
     """Return the direction of gravity at the keyframes nearest to each estimate.
 
     Causal: at the first keyframe that is not before it.
@@ -65,5 +65,5 @@ def gravity(
         spacing_s = float(np.median(np.diff(t_s)))
         close = np.abs(t_s[keyframe] - direction.t_s) <= spacing_s / 2
     seen = Directions.of("gravity direction", direction.g_b, direction.covariance)
-    losses = (*direction.losses, *unused("gravity direction", len(direction.t_s), close))
-    return seen[close].scatter(keyframe[close], len(t_s)), losses
+    unused = (*direction.unused, *unmatched("gravity direction", len(direction.t_s), close))
+    return seen[close].scatter(keyframe[close], len(t_s)), unused

@@ -13,12 +13,12 @@ from fgnav.assembly.sensors.standstill import Standing
 from fgnav.assembly.sensors.surroundings import heights, magnetic_field
 from fgnav.assembly.sensors.wheels import wheels
 from fgnav.assembly.stages import Aligned, Tracked
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
 from fgnav.graph.factors.line_of_sight import LANDMARK, LineOfSight
 from fgnav.graph.factors.vehicle.standstill import Standstill
-from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.parameters import Parameter
 from fgnav.graph.types.sensor import Sensor
 from fgnav.types.flight import Flight
 
@@ -27,16 +27,16 @@ class Instrument(NamedTuple):
     """What one instrument measured at keyframes, if anything."""
 
     sensor: Sensor | None = None
-    constants: tuple[FlightConstant, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    constants: tuple[Parameter, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
 
 class Instruments(NamedTuple):
     """What all of them measured."""
 
     sensors: tuple[Sensor, ...]
-    constants: tuple[FlightConstant, ...]
-    losses: tuple[Loss, ...]
+    constants: tuple[Parameter, ...]
+    unused: tuple[Unused, ...]
 
     @property
     def is_landmark_seen(self) -> bool:
@@ -63,7 +63,7 @@ def instruments(
     return Instruments(
         tuple(one.sensor for one in every if one.sensor is not None and len(one.sensor.row)),
         tuple(constant for one in every for constant in one.constants),
-        tuple(loss for one in every for loss in one.losses),
+        tuple(loss for one in every for loss in one.unused),
     )
 
 
@@ -72,14 +72,14 @@ def _each(
 ) -> Iterator[Instrument]:
     imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
     rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
-    between, losses = baselines(flight, t_s)
+    between, unused = baselines(flight, t_s)
     yield from (Instrument(one) for one in between)
-    yield Instrument(losses=losses)
-    down, losses = gravity(stage.down, t_s, causal=causal)
+    yield Instrument(unused=unused)
+    down, unused = gravity(stage.down, t_s, causal=causal)
     sensor = None if down is None else gravity_sensor(down, track.gravity_n_mps2)
-    yield Instrument(sensor, (), losses)
-    seen, losses = sight(flight.photodetector, imu, t_s, track.places_n_m, causal=causal)
-    yield Instrument(None if seen is None else line_of_sight(seen), (), losses)
+    yield Instrument(sensor, (), unused)
+    seen, unused = sight(flight.photodetector, imu, t_s, track.places_n_m, causal=causal)
+    yield Instrument(None if seen is None else line_of_sight(seen), (), unused)
     yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
     yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
     yield Instrument(*wheels(flight.vehicle, imu, t_s, rates, earth))

@@ -11,12 +11,12 @@ import numpy as np
 
 from fgnav.alignment.gaps import LONGEST_STEP_S
 from fgnav.alignment.matching import SAME_S
-from fgnav.checks import FloatArray, Loss, losses_of
+from fgnav.checks import FloatArray, Unused, unused_of
 from fgnav.geometry.earth import Origin, geodetic
 from fgnav.graph.factors.barometer import OFFSET, BarometricHeight
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.magnetometer import HARD_IRON, MagneticField
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, flight_constant
 from fgnav.types.flight import Flight, Imu
 from fgnav.types.surroundings import Barometer, Magnetometer
 
@@ -28,7 +28,7 @@ _LONGEST_S = 2.0  # between samples: across longer ones nothing is interpolated
 
 def heights(
     flight: Flight, imu: Imu, t_s: FloatArray, p_n_m: FloatArray, *, causal: bool = False
-) -> tuple[BarometricHeight | None, tuple[FlightConstant, ...], tuple[Loss, ...]]:
+) -> tuple[BarometricHeight | None, tuple[Parameter, ...], tuple[Unused, ...]]:
     """Return barometric heights at keyframes, (n,), and what is to be taken off them.
 
     The ellipsoid is taken as flat about each place.
@@ -48,13 +48,13 @@ def heights(
     if barometer is None or not len(barometer.t_s):
         return None, (), ()
     take = _latest if causal else _sampled
-    value, losses = take("barometric height", barometer.t_s, barometer.height_m[:, None], t_s)
+    value, unused = take("barometric height", barometer.t_s, barometer.height_m[:, None], t_s)
     if causal and barometer.wander_m:
         noise_m = float(np.hypot(barometer.noise_m, _as_noise_m(barometer)))
         barometer = replace(barometer, wander_m=0.0, noise_m=noise_m)
     of = barometer, imu.position_b_m, flight.origin
     sensor, offset = height_sensor(*of, t_s, p_n_m, value[:, 0])
-    return sensor, (offset,), losses
+    return sensor, (offset,), unused
 
 
 def height_sensor(
@@ -64,7 +64,7 @@ def height_sensor(
     t_s: FloatArray,
     p_n_m: FloatArray,
     height_m: FloatArray,
-) -> tuple[BarometricHeight, FlightConstant]:
+) -> tuple[BarometricHeight, Parameter]:
     """Return a barometer's heights at keyframes, (n,), NaN of none, and their offset.
 
     Parameters
@@ -97,19 +97,17 @@ def height_sensor(
 
 def magnetic_field(
     sensor: Magnetometer | None, t_s: FloatArray, *, causal: bool = False
-) -> tuple[MagneticField | None, tuple[FlightConstant, ...], tuple[Loss, ...]]:
+) -> tuple[MagneticField | None, tuple[Parameter, ...], tuple[Unused, ...]]:
     """Return directions of the magnetic field at keyframes, (n,), and the vehicle's own field."""
     if sensor is None or not len(sensor.t_s):
         return None, (), ()
     take = _latest if causal else _sampled
-    value, losses = take("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
+    value, unused = take("magnetic field", sensor.t_s, sensor.field_b_ut, t_s)
     directions, iron = field_sensor(sensor, value)
-    return directions, (iron,), losses
+    return directions, (iron,), unused
 
 
-def field_sensor(
-    sensor: Magnetometer, field_b_ut: FloatArray
-) -> tuple[MagneticField, FlightConstant]:
+def field_sensor(sensor: Magnetometer, field_b_ut: FloatArray) -> tuple[MagneticField, Parameter]:
     """Return directions by samples at keyframes, (n, 3), NaN rows of none, and the hard iron.
 
     Parameters
@@ -130,7 +128,7 @@ def field_sensor(
 
 def _sampled(
     what: str, have_s: FloatArray, values: FloatArray, t_s: FloatArray
-) -> tuple[FloatArray, tuple[Loss, ...]]:
+) -> tuple[FloatArray, tuple[Unused, ...]]:
     """Return samples, (k, d), at the keyframes nearest to them, (n, d), interpolated; NaN else.
 
     One for each: neighbours of one sample would share its noise.
@@ -152,12 +150,12 @@ def _sampled(
         interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
     unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
-    return interpolated, losses_of({(what, reason): unmatched})
+    return interpolated, unused_of({(what, reason): unmatched})
 
 
 def _latest(
     what: str, have_s: FloatArray, values: FloatArray, t_s: FloatArray
-) -> tuple[FloatArray, tuple[Loss, ...]]:
+) -> tuple[FloatArray, tuple[Unused, ...]]:
     """Return at each keyframe, (n, d), the newest sample since the one before; NaN of none."""
     sample = np.searchsorted(have_s, t_s + SAME_S) - 1
     fresh = (sample >= 0) & (np.diff(sample, prepend=-1) > 0)
@@ -165,7 +163,7 @@ def _latest(
     newest = np.full((len(t_s), values.shape[1]), np.nan)
     newest[fresh] = values[sample[fresh]]
     unmatched, reason = len(have_s) - int(fresh.sum()), "not the newest at a keyframe"
-    return newest, losses_of({(what, reason): unmatched})
+    return newest, unused_of({(what, reason): unmatched})
 
 
 def _as_noise_m(barometer: Barometer) -> float:
@@ -205,13 +203,13 @@ def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> floa
     )
 
 
-def _offset(barometer: Barometer, times_s: FloatArray) -> FlightConstant:
+def _offset(barometer: Barometer, times_s: FloatArray) -> Parameter:
     """Return offset and drift at those times, as correlated as they are."""
     apart_s = np.abs(times_s[:, None] - times_s)
     drift_m2 = barometer.wander_m**2 * np.exp(-apart_s / barometer.wander_time_s)
     n = len(times_s)
     apart_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
-    return FlightConstant(
+    return Parameter(
         name=OFFSET,
         axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
         unit="m",

@@ -7,7 +7,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.graph.factors.vehicle.wheels import AXES, AXLE, RollingWheels
-from fgnav.graph.types.constants import FlightConstant, flight_constant
+from fgnav.graph.types.parameters import Parameter, flight_constant
 from fgnav.types.flight import Imu
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
@@ -20,7 +20,7 @@ def wheels(
     t_s: FloatArray,
     measured_b_radps: FloatArray | None,
     earth_rate_n_radps: FloatArray,
-) -> tuple[RollingWheels | None, tuple[FlightConstant, ...]]:
+) -> tuple[RollingWheels | None, tuple[Parameter, ...]]:
     """Return wheels at keyframes, (n,), their axes and their axle; None without wheels.
 
     ``measured_b_radps``, (n, 3), are the gyroscope's rates there; None without one.

@@ -42,7 +42,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
     resolver, names = resolver_named(integers), list(_words(methods))
     options = Options(
         gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
-        estimate=_words(smoother.estimate),
+        calibrate=_words(smoother.calibrate),
         factors=factors_named(smoother.factors),
         causal=smoother.causal,
         noise=smoother.noise,
@@ -52,7 +52,7 @@ def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> 
         raise BadInputError(f"--method: names no method, got {methods!r}")
     takers = {
         "--gravity": (options.gravity is not None, WITH_GRAVITY),
-        "--estimate": (bool(options.estimate), SMOOTHERS),
+        "--calibrate": (bool(options.calibrate), SMOOTHERS),
         "--factors": (options.factors is not None, WITH_GRAVITY),
         "--noise": (options.noise is not None, SMOOTHERS),
         "--causal": (options.causal, ("smoother",)),
@@ -170,13 +170,13 @@ def _check_set_up(flight: "Flight") -> None:
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415
     from fgnav.diagnostics import describe  # noqa: PLC0415
-    from fgnav.evaluation.report.summary import loss_lines  # noqa: PLC0415
+    from fgnav.evaluation.report.summary import unused_lines  # noqa: PLC0415
 
     findings = describe(flight, quick=True).findings
     for finding in findings:
         if finding.certain:
             raise BadInputError(f"{flight.name}: {finding}")
-    lost = loss_lines({"files": flight.losses})
+    lost = unused_lines({"files": flight.unused})
     for said in (*findings, *(f"files: {line}" for line in lost)):
         _LOG.warning("check: %s", said)
 

@@ -56,7 +56,7 @@ class SmootherOptions:
             "one."
         ),
     ] = None
-    estimate: Annotated[
+    calibrate: Annotated[
         str,
         Parameter(
             help="What the smoother estimates with the flight: landmark, boresight, gravity, "
@@ -86,8 +86,8 @@ class SmootherOptions:
     noise: Annotated[
         str | None,
         Parameter(
-            help="Noise of the smoother: identified from the flight, with clock and latency (its "
-            "default), or stated."
+            help="Noise of the smoother: estimated from the flight, with clock and latency (its "
+            "default), or nominal, as given."
         ),
     ] = None
     strict: Annotated[

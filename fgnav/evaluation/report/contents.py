@@ -44,7 +44,7 @@ def comparison_report(
     time = _time(flight, solved)
     toml = folded("flight.toml", paragraph(source) if source else [])
     note = paragraph(_ONE_FLIGHT) if len(solved) > 1 else []
-    in_short = folded("notes, failures and losses in short", paragraph(*remarks(comparison)))
+    in_short = folded("notes, failures and unused in short", paragraph(*remarks(comparison)))
     simulated = "" if seed is None else f" The flight was simulated with seed {seed}."
     seeds = f"No method here draws random numbers.{simulated}"
     constants = rate_and_bias_charts(flight, solved, time) + constants_table(solved)

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.parts import NONE, Table
 from fgnav.evaluation.scores import EULER, Angles, BaselineFigures, Score, open_heading_spans_s
@@ -63,7 +63,7 @@ def method_table(comparison: Comparison) -> Table:
 
 
 def remarks(comparison: Comparison) -> list[str]:
-    """Return a line per failure, open state, note, kind of rejection and group of losses."""
+    """Return a line per failure, open state, note, kind of rejection and group of unused."""
     lines = [_REFERENCE + _counted(comparison)] if comparison.judged_by == "reference" else []
     methods = comparison.methods
     for kind in (_failure, _verdicts, _unobservable, _open_heading, _reservations):
@@ -71,7 +71,7 @@ def remarks(comparison: Comparison) -> list[str]:
     complete = [m for m in methods if " without " not in m.name]  # they say it, too
     lines += _by_method({m.name: _foremost(m.score.notes) for m in complete or methods})
     lines += _by_method({m.name: _rejections(m) for m in methods})
-    return lines + loss_lines({m.name: m.score.losses for m in comparison.solved})
+    return lines + unused_lines({m.name: m.score.unused for m in comparison.solved})
 
 
 def _foremost(notes: Sequence[str]) -> list[str]:
@@ -152,18 +152,18 @@ def _rejections(method: Method) -> Iterator[str]:
         )
 
 
-def loss_lines(per_owner: Mapping[str, Sequence[Loss]]) -> list[str]:
-    """Return losses grouped by reason, the most frequent first, and how many groups are not shown.
+def unused_lines(per_owner: Mapping[str, Sequence[Unused]]) -> list[str]:
+    """Return unused grouped by reason, the most frequent first, and how many groups are not shown.
 
     Parameters
     ----------
-    per_owner : dict of str to sequence of Loss
+    per_owner : dict of str to sequence of Unused
         By who lost them; the same loss of several owners is told once.
     """
     counts: dict[str, Counter[str]] = {}
     kinds: dict[str, dict[str, None]] = {}
-    for owner, losses in per_owner.items():
-        for loss in losses:
+    for owner, unused in per_owner.items():
+        for loss in unused:
             counts.setdefault(loss.reason, Counter())[owner] += loss.count
             kinds.setdefault(loss.reason, {})[loss.what] = None
     ranked = sorted(counts.items(), key=lambda item: -max(item[1].values()))
@@ -175,7 +175,7 @@ def loss_lines(per_owner: Mapping[str, Sequence[Loss]]) -> list[str]:
         what, *others = kinds[reason]
         lines.append(f"lost {number} × {what}{' and others' if others else ''}: {reason}{owners}")
     if len(ranked) > _MOST_LINES:
-        lines.append(f"and {len(ranked) - _MOST_LINES} more reasons for losses, all in --json")
+        lines.append(f"and {len(ranked) - _MOST_LINES} more reasons, all in --json")
     return lines
 
 

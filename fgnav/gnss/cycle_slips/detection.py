@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, losses_of
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused, unused_of
 from fgnav.gnss.intervals import usual_interval_so_far_s
 from fgnav.gnss.single_differences import SingleDifferences
 from fgnav.types.observations import LOST_LOCK
@@ -24,7 +24,7 @@ class PhaseArcs:
     # fewer than five channels, or their geometry, leave nothing to check.
     steps: int
     untested: int
-    losses: tuple[Loss, ...]  # breaks, by antenna and cause
+    unused: tuple[Unused, ...]  # breaks, by antenna and cause
 
 
 def phase_arcs(
@@ -101,7 +101,7 @@ def phase_arcs(
         arc=arc,
         steps=int(both.sum()),
         untested=int((both & (verdict == NOT_TESTED)).sum()),
-        losses=losses_of(lost),
+        unused=unused_of(lost),
     )
 
 

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss, NoSolutionError, freeze, losses_of
+from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError, Unused, freeze, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.interpolation import interpolate
 from fgnav.gnss.single_point.adjustment import adjust
@@ -44,7 +44,7 @@ class CodeSolution:
     clock_drift_sps: FloatArray  # (k,): NaN without Doppler
     satellites: tuple[str, ...]
     used: BoolArray  # (k, m): satellites that took part in the position
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze every field."""
@@ -120,8 +120,8 @@ def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
     columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
-    losses = losses_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
-    return _finish(flight.origin, observations, channels, solved, losses, causal=causal)
+    unused = unused_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
+    return _finish(flight.origin, observations, channels, solved, unused, causal=causal)
 
 
 class _Starts(NamedTuple):
@@ -144,14 +144,14 @@ def _finish(
     observations: Observations,
     channels: CodeChannels,
     solved: SolvedBlock,
-    losses: tuple[Loss, ...],
+    unused: tuple[Unused, ...],
     *,
     causal: bool,
 ) -> CodeSolution:
     """Turn what was solved in ECEF into the local frame, at the nominal epochs."""
     R = origin.R_ne
     if not len(solved.epoch):
-        reasons = "; ".join(f"{loss.count} {loss.what}: {loss.reason}" for loss in losses)
+        reasons = "; ".join(f"{loss.count} {loss.what}: {loss.reason}" for loss in unused)
         raise NoSolutionError(f"position: no epoch has a code solution ({reasons})")
     t_s = observations.t_s[solved.epoch]
     first = np.isfinite(solved.clock_s).argmax(axis=1)
@@ -173,5 +173,5 @@ def _finish(
         clock_drift_sps=solved.drift_sps,
         satellites=channels.satellites,
         used=solved.used,
-        losses=losses,
+        unused=unused,
     )

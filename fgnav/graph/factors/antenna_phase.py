@@ -36,8 +36,8 @@ from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.linear_factor import linear_factor
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.on_demand import OnDemand
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -89,7 +89,7 @@ class AntennaPhase:
     block: IntArray  # (k,): which block's A each has
     blocks: Sequence[ArcBlock]  # as the rows
     arm_b_m: FloatArray  # (k, 3): from the accelerometer to the antenna
-    constants: Constants  # of the problem, l among them where the lever arm is estimated
+    constants: Parameters  # of the problem, l among them where the lever arm is estimated
     first_block: int = 0  # number of the first of the blocks: of phases that go on
 
     @property
@@ -127,7 +127,7 @@ class AntennaPhase:
         key: int,
         at: States,
         place: int,
-        constants: Constants,
+        constants: Parameters,
         arcs: Mapping[int, FloatArray] | None = None,
     ) -> gtsam.JacobianFactor:
         """Return the phases of epoch i linearised, of keyframe ``key`` that is row ``place``.

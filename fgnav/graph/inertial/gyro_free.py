@@ -41,8 +41,8 @@ from fgnav.graph.inertial.increments import increments, parents
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.inertial.path_kernel import Intervals
 from fgnav.graph.types.arrays import check_shapes
-from fgnav.graph.types.constants import Constants
 from fgnav.graph.types.motion import EVERY, INTEGRATION_M2, LinearisedMotion, NoiseParts
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.states import AUX, States
 from fgnav.process import matern
 from fgnav.types.flight import Imu
@@ -68,7 +68,7 @@ class GyroFree:
     variance_rad2ps2: FloatArray  # (n - 1, 3): its variance about each body axis
     # Power spectral density of the specific force, (m/s2)^2/Hz.
     accelerometer_noise: FloatArray  # (n - 1,)
-    constants: Constants  # the mean rate among them
+    constants: Parameters  # the mean rate among them
     multipath: Multipath | None = None  # lasting error of the array's phases, at the keyframes
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, RATE, States
 
@@ -47,7 +47,7 @@ class Problem:
         Where the search starts; its constants are those of ``constants.start``.
     motion : Motion
     sensors : tuple of Sensor
-    constants : Constants
+    constants : Parameters
     attitude_known : ndarray of bool, shape (n,)
         Keyframes whose ``start`` holds an attitude measured there; a window starts the others where
         the motion leads.
@@ -63,7 +63,7 @@ class Problem:
     start: States
     motion: Motion
     sensors: tuple[Sensor, ...]
-    constants: Constants
+    constants: Parameters
     attitude_known: BoolArray
     attitude_prior: AttitudePrior | None = None
     phase: "AntennaPhase | None" = None
@@ -89,11 +89,11 @@ class Problem:
         """Keyframes, and constants of the flight: what states of a search are to agree in."""
         return len(self.t_s), self.constants.width
 
-    def with_constants(self, parts: tuple[FlightConstant, ...]) -> "Problem":
+    def with_constants(self, parts: tuple[Parameter, ...]) -> "Problem":
         """Return the same with more constants, after those it has, for its sensors and phases."""
         if not parts:
             return self
-        constants = Constants((*self.constants.parts, *parts))
+        constants = Parameters((*self.constants.parts, *parts))
         start = self.start._replace(
             constants=np.concatenate([self.start.constants, *(p.start for p in parts)])
         )

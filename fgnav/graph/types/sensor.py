@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlia
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
-from fgnav.graph.types.constants import NO_CONSTANTS, Constants
+from fgnav.graph.types.parameters import NO_PARAMETERS, Parameters
 from fgnav.graph.types.states import States
 
 if TYPE_CHECKING:
@@ -52,8 +52,8 @@ class Sensor(Protocol):
         ...
 
     @property
-    def constants(self) -> Constants:
-        """Constants of the problem."""
+    def constants(self) -> Parameters:
+        """Parameters of the problem."""
         ...
 
     @property
@@ -81,7 +81,7 @@ class Sensor(Protocol):
         """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
         ...
 
-    def bound(self, constants: Constants) -> Self:
+    def bound(self, constants: Parameters) -> Self:
         """Return the same measurements of a problem that has these constants."""
         ...
 
@@ -97,7 +97,7 @@ class SensorRows:
         False  # its timestamps are GNSS time, not of the IMU's clock
     )
     row: IntArray  # (k,): keyframes
-    constants: Constants = NO_CONSTANTS  # of the problem, see ``bound``
+    constants: Parameters = NO_PARAMETERS  # of the problem, see ``bound``
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays; one that is None stays so."""
@@ -128,7 +128,7 @@ class SensorRows:
         """Return the same measurements at other rows, (k,)."""
         return replace(self, row=row)
 
-    def bound(self, constants: Constants) -> Self:
+    def bound(self, constants: Parameters) -> Self:
         """Return the same measurements of a problem that has these constants."""
         return replace(self, constants=constants)
 
@@ -165,8 +165,8 @@ class WrappedSensor:
         return self.measurement.parameters
 
     @property
-    def constants(self) -> Constants:
-        """Constants of the problem."""
+    def constants(self) -> Parameters:
+        """Parameters of the problem."""
         return self.measurement.constants
 
     @property
@@ -174,7 +174,7 @@ class WrappedSensor:
         """Directions that are known, (k,)."""
         return self.measurement.freedom
 
-    def bound(self, constants: Constants) -> Self:
+    def bound(self, constants: Parameters) -> Self:
         """Return the same measurements of a problem that has these constants."""
         return replace(self, measurement=self.measurement.bound(constants))
 

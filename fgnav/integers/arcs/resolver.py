@@ -120,14 +120,14 @@ class Arcs:
             "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~answered,
             f"probability of wrong integers above {self.wrong_max:g}": answered & ~sure,
         }
-        handed_over = (one for one in answer.losses if one.what == HANDED_OVER)
+        handed_over = (one for one in answer.unused if one.what == HANDED_OVER)
         return Integers(
             resolver=self.name,
             cycles=np.where(sure, carried.cycles, 0),
             fixed=sure,
             ratio=answer.ratio,
             wrong_probability=np.where(answered.any(axis=(1, 2)), chance, 1.0),
-            losses=(*handed_over, *not_fixed(reasons)),
+            unused=(*handed_over, *not_fixed(reasons)),
         )
 
 

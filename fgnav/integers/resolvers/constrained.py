@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.special import chdtrc
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.integers.acceptance import (
     WITHOUT_CODE,
     not_fixed,
@@ -135,7 +135,7 @@ class Constrained:
             ratio=np.where(links.any(axis=2), ratio(costs)[:, None], np.nan),
             wrong_probability=searched.wrong_probability,
             reasons=_reasons(refused, lacking, links),
-            losses=(
+            unused=(
                 *not_fixed({WITHOUT_CODE: phase_links(differences) & ~links, **reasons}),
                 *_left_out_losses(differences, antennas, out),
             ),
@@ -209,12 +209,12 @@ class _Sets:
 
 def _left_out_losses(
     differences: DoubleDifferences, antennas: tuple[str, ...], left_out: BoolArray
-) -> tuple[Loss, ...]:
+) -> tuple[Unused, ...]:
     """Return a loss for every antenna and channel of which links, (n, b + 1, m), were left out.
 
     A double difference that lacks two such links is counted with the first.
     """
-    losses, counted = [], ~differences.resolvable
+    unused, counted = [], ~differences.resolvable
     for a, j in np.argwhere(left_out.any(axis=0)):
         links = np.zeros_like(left_out)
         links[:, a, j] = left_out[:, a, j]
@@ -223,8 +223,8 @@ def _left_out_losses(
         # of two antennas nothing tells which one it is
         antenna = " or ".join(antennas) if len(antennas) == 2 else antennas[a]
         what = f"{antenna} {differences.satellites[j]} {differences.signals[j]} link"
-        losses.append(Loss(what=what, reason=LEFT_OUT, count=int(lost.sum())))
-    return tuple(losses)
+        unused.append(Unused(what=what, reason=LEFT_OUT, count=int(lost.sum())))
+    return tuple(unused)
 
 
 def _reasons(

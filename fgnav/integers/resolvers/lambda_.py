@@ -75,7 +75,7 @@ class Lambda:
             fixed=fixed,
             ratio=np.where(result.fixed.any(axis=2), ratios, np.nan),
             wrong_probability=self._wrong(result.success),
-            losses=not_fixed(reasons),
+            unused=not_fixed(reasons),
         )
 
     def _wrong(self, success: FloatArray) -> FloatArray:

@@ -27,5 +27,5 @@ class Rounding:
             cycles=np.rint(np.where(fixed, ambiguity, 0.0)).astype(np.int64),
             fixed=fixed,
             ratio=np.full(fixed.shape[:2], np.nan),
-            losses=not_fixed({WITHOUT_CODE: phase_links(differences) & ~fixed}),
+            unused=not_fixed({WITHOUT_CODE: phase_links(differences) & ~fixed}),
         )

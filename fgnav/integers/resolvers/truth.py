@@ -55,7 +55,7 @@ class Truth:
             cycles=np.where(fixed, np.where(kept, cycles, of_attitude), 0),
             fixed=fixed,
             ratio=np.full(fixed.shape[:2], np.nan),
-            losses=not_fixed(
+            unused=not_fixed(
                 {
                     "slipped by half a cycle": half,
                     "truth does not cover the epoch": links & ~half & ~fixed,

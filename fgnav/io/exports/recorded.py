@@ -47,7 +47,7 @@ class RecordedEstimate:
 
 
 def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
-    """Write an estimate's arrays, frame and clock; integers, losses and notes are in summary.json.
+    """Write an estimate's arrays, frame and clock; integers, unused and notes are in summary.json.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> estimate = fgnav.Smoother(noise="stated")(flight)
+    >>> estimate = fgnav.Smoother(noise="nominal")(flight)
     >>> fgnav.save_estimate(estimate, flight, "saved.npz")
     >>> bool((fgnav.load_estimate("saved.npz").estimate.R_nb == estimate.R_nb).all())
     True
@@ -109,7 +109,7 @@ def load_estimate(path: Path | str) -> RecordedEstimate:
     --------
     >>> import fgnav
     >>> flight = fgnav.load_flight("demo/flight")
-    >>> fgnav.save_estimate(fgnav.Smoother(noise="stated")(flight), flight, "kept.npz")
+    >>> fgnav.save_estimate(fgnav.Smoother(noise="nominal")(flight), flight, "kept.npz")
     >>> recorded = fgnav.load_estimate("kept.npz")
     >>> recorded.flight, recorded.estimate.method
     ('demo', 'smoother')

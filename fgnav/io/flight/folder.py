@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, Loss, losses_of
+from fgnav.checks import BadInputError, Unused, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
@@ -39,7 +39,7 @@ def load_flight(path: Path | str) -> Flight:
     Returns
     -------
     Flight
-        ``losses`` counts what stands in the files and is not used.
+        ``unused`` counts what stands in the files and is not used.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def load_flight(path: Path | str) -> Flight:
     try:
         flight = _flight(toml.parent, table, start_gps_s)
         check_times(flight)
-        return replace(flight, losses=(*flight.losses, *_row_losses(toml, table, flight)))
+        return replace(flight, unused=(*flight.unused, *_row_losses(toml, table, flight)))
     except BadInputError as error:
         if str(error).startswith(str(toml.parent)):
             raise
@@ -129,7 +129,7 @@ def _toml(path: Path) -> Path:
     return toml
 
 
-def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Loss, ...]:
+def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Unused, ...]:
     """Compare tables with the number of rows that their writer has noted; count what is missing."""
     read = flight_writer.row_counts(table, flight)
     orbits = (table.gnss.orbits, table.gnss.navigation)
@@ -148,7 +148,7 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Loss, .
         if name not in read:
             reason = "rows in flight.toml has it, no table names it"
         counts[f"{name[:80]} row", reason] += missing
-    return losses_of(counts)
+    return unused_of(counts)
 
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
@@ -167,9 +167,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
     broadcast, observations, base = _rinex(folder, table, start_gps_s)
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     for part in (observations, base.observations if base else None, broadcast, precise):
-        losses += part.losses if part is not None else ()
+        unused += part.unused if part is not None else ()
     return Flight(
         name=table.name,
         start_gps_s=start_gps_s,
@@ -190,7 +190,7 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         if table.initial
         else None,
         networks=networks.manifests(folder, table.network),
-        losses=tuple(losses),
+        unused=tuple(unused),
     )
 
 

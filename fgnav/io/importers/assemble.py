@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, Loss, losses_of
+from fgnav.checks import BadInputError, Unused, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.atomic_write import atomic_folder
 from fgnav.io.flight import toml as flight_toml
@@ -36,7 +36,7 @@ class Assembled:
     table: flight_toml.FlightTable
     samples: dict[str, Samples]  # by the names of their files
     files: dict[str, Path]  # RINEX and SP3, which are copied as they are, by their names in it
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
     # what the user should know, and what he must state, by the key of flight.toml
     notes: dict[str, str]
     missing: dict[str, str]
@@ -95,7 +95,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
         ),
         samples=samples,
         files=files,
-        losses=tuple(loss for one in recordings for loss in one.losses),
+        unused=tuple(loss for one in recordings for loss in one.unused),
         notes={key: text for one in recordings for key, text in one.notes.items()},
         missing=missing,
     )
@@ -121,7 +121,7 @@ def _stated(one: Recording, settings: Settings) -> Recording:
     text = f"[{{}}] of --settings does not state its noise ({one.source.name})"
     counts = {(f"{k} row", text.format(k)): len(one.tables[k]["t_s"]) for k in unused}
     tables = {kind: rows for kind, rows in one.tables.items() if kind not in unused}
-    return replace(one, tables=tables, losses=(*one.losses, *losses_of(counts)))
+    return replace(one, tables=tables, unused=(*one.unused, *unused_of(counts)))
 
 
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:

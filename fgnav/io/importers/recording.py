@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, Loss, losses_of
+from fgnav.checks import BadInputError, BoolArray, FloatArray, Unused, unused_of
 from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, Samples, fault_of_columns, largest
 from fgnav.io.flight.series import COLUMNS
 from fgnav.types.flight import TruthSource
@@ -60,13 +60,13 @@ class Recording:
     observations: tuple[Path, ...] = ()
     navigation: tuple[Path, ...] = ()
     orbits: tuple[Path, ...] = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     notes: Mapping[str, str] = field(default_factory=dict)
     missing: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Drop losses of nothing; reject an empty file, and columns that no flight has."""
-        object.__setattr__(self, "losses", tuple(one for one in self.losses if one.count))
+        """Drop unused of nothing; reject an empty file, and columns that no flight has."""
+        object.__setattr__(self, "unused", tuple(one for one in self.unused if one.count))
         files = (*self.observations, *self.navigation, *self.orbits)
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
@@ -120,8 +120,8 @@ def cleaned(recording: Recording) -> Recording:
             )
         tables[kind] = {name: np.asarray(column)[good][later] for name, column in table.items()}
         tables[kind]["t_s"] = t_s[later]
-    losses = (*recording.losses, *losses_of(counts))
-    return replace(recording, tables=tables, losses=losses, missing=missing)
+    unused = (*recording.unused, *unused_of(counts))
+    return replace(recording, tables=tables, unused=unused, missing=missing)
 
 
 def _unwrapped(t_s: FloatArray) -> FloatArray:
@@ -168,7 +168,7 @@ def _in_order(t_s: FloatArray) -> BoolArray:
     return later
 
 
-def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Loss:
+def unused_columns(source: Path, names: Sequence[str], rows: int, reason: str) -> Unused:
     """Return the one loss of a file's columns that are not used."""
     what = f"{source.name} column{'s' * (len(names) > 1)} {', '.join(names)}"
-    return Loss(what=what, reason=reason, count=rows if names else 0)
+    return Unused(what=what, reason=reason, count=rows if names else 0)

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, losses_of
+from fgnav.checks import BadInputError, FloatArray, unused_of
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, WEEK_S, date_to_gps_s
 from fgnav.io.rinex.constellations import CONSTELLATIONS, USED, is_known
 from fgnav.io.rinex.header import Header
@@ -84,7 +84,7 @@ def to_broadcast(
     Returns
     -------
     BroadcastOrbits
-        Messages that are cut, have an impossible orbit or are repeated are counted as losses.
+        Messages that are cut, have an impossible orbit or are repeated are counted as unused.
 
     Raises
     ------
@@ -117,8 +117,8 @@ def to_broadcast(
             f"{reason}"
         )
     klobuchar = models[-1] if models else np.zeros(8)
-    losses = losses_of(dict(sorted(counts.items())))
-    return BroadcastOrbits(records=records, klobuchar=klobuchar, losses=losses)
+    unused = unused_of(dict(sorted(counts.items())))
+    return BroadcastOrbits(records=records, klobuchar=klobuchar, unused=unused)
 
 
 def _messages(header: Header, body: str, counts: Counter[tuple[str, str]]) -> list[_Message]:

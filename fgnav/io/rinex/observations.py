@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, losses_of
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, unused_of
 from fgnav.io.antennas import nominal_epochs
 from fgnav.io.gps_time import TICKS_PER_S, gps_of, to_ticks
 from fgnav.io.rinex.constellations import CONSTELLATIONS
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.losses import Counts, count_end, count_events, count_faults, count_satellites
 from fgnav.io.rinex.scan import A_LINE, FLAG, TICKS, Body, Found, line_ends, scan
 from fgnav.io.rinex.signals import Wanted, fields_of, is_kept
 from fgnav.io.rinex.text import Bytes
+from fgnav.io.rinex.unused import Counts, count_end, count_events, count_faults, count_satellites
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
 
 _ENDS = b" \r\n\x1a\0"  # blank lines, the end of a text of DOS, a block that was not filled
@@ -86,7 +86,7 @@ def to_observations(
         tag_s=tag_s[:, None],
         satellites=tuple(satellite for satellite, _ in channels),
         signals=tuple(signal for _, signal in channels),
-        losses=losses_of(counts),
+        unused=unused_of(counts),
         **arrays,
     )
 

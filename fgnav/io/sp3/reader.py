@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, losses_of, quoted
+from fgnav.checks import BadInputError, BoolArray, FloatArray, quoted, unused_of
 from fgnav.io.gps_time import SCALES, date_to_gps_s, gps_of
 from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
 from fgnav.io.rinex.observations import in_order
@@ -40,7 +40,7 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     -------
     PreciseOrbits
         GPS, Galileo, BeiDou, QZSS and GLONASS. An epoch that two files share is taken from the
-        earlier one; that, other constellations and velocities are counted as losses.
+        earlier one; that, other constellations and velocities are counted as unused.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
         satellites=tuple(satellites),
         p_e_m=x[..., :3],
         clock_s=x[..., 3],
-        losses=losses_of(counts),
+        unused=unused_of(counts),
     )
 
 

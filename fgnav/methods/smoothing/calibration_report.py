@@ -3,15 +3,17 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.solution import Solution
 from fgnav.messages import Note, note
-from fgnav.types.estimate import Constant
+from fgnav.types.estimate import CalibratedParameter
 
 _LISTED = 3  # axes
 
 
-def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Constant, ...]:
+def calibrated_parameters(
+    constants: Parameters, solution: Solution
+) -> tuple[CalibratedParameter, ...]:
     """Return the constants asked for, as far from what the flight states as the solution has them.
 
     Of a window they are what was known at its end.
@@ -24,12 +26,14 @@ def calibrated_constants(constants: Constants, solution: Solution) -> tuple[Cons
         value: FloatArray = solution.states.constants[columns] - one.origin
         P: FloatArray = solution.constant_covariance[-1, columns, columns]
         reported.append(
-            Constant(name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P)
+            CalibratedParameter(
+                name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P
+            )
         )
     return tuple(reported)
 
 
-def constant_note(constant: Constant) -> Note:
+def constant_note(constant: CalibratedParameter) -> Note:
     """Return how far a constant is from the nominal, as a message."""
     axes, P = constant.axes, constant.covariance
     if len(axes) > _LISTED:

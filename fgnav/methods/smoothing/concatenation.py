@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.methods.smoothing.estimates import ROUGH
 from fgnav.types.estimate import Estimate
 
@@ -29,9 +29,9 @@ def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) ->
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
     arrays: dict[str, Any] = {n: np.concatenate([getattr(e, n) for e in parts]) for n in names}
     left_out = keyframes - len(arrays["t_s"])
-    losses = tuple(one for one in last.losses if one.reason != ROUGH)
+    unused = tuple(one for one in last.unused if one.reason != ROUGH)
     if left_out:
-        losses = (*losses, Loss(what="keyframe", reason=ROUGH, count=left_out))
+        unused = (*unused, Unused(what="keyframe", reason=ROUGH, count=left_out))
     converged = all(e.converged for e in parts)
     verdicts = tuple(dict.fromkeys(one for part in parts for one in part.verdicts))
     return replace(
@@ -39,7 +39,7 @@ def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) ->
         **arrays,
         n_epochs=epochs,
         converged=converged,
-        losses=losses,
+        unused=unused,
         verdicts=verdicts,
     )
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from fgnav import plugins
 from fgnav.assembly.prepared import PreparedFlight
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.graph import keys
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
-from fgnav.graph.types.constants import FlightConstant
+from fgnav.graph.types.parameters import Parameter
 from fgnav.types.flight import Flight
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class CustomFactors:
     """Custom factors, each with its name, and what their sources report."""
 
     factors: "tuple[NamedFactor, ...]" = ()
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     notes: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()  # names of those that were asked
 
@@ -48,7 +48,7 @@ def custom_factors(
     problem, asking = prepared.problem, with_networks(sources, flight.networks)
     timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
     made: list[NamedFactor] = []
-    losses: list[Loss] = []
+    unused: list[Unused] = []
     notes: list[str] = []
     for source, of_source in with_timelines(asking, timeline, len(problem.constants.parts)):
         factors = source(flight, of_source)
@@ -57,15 +57,15 @@ def custom_factors(
             raise BadInputError(f"source of factors {what}: must yield factors, got {factors!r}")
         made += map(named, factors)
         if isinstance(factors, Sourced):
-            losses += factors.losses
+            unused += factors.unused
             notes += factors.notes
     asked = custom_constants(asking)
     prepared = prepared.changed(lambda problem: problem.with_constants(asked))
     networks = tuple(one.name for one in asking if hasattr(one, "manifest"))
-    return prepared, CustomFactors(tuple(made), tuple(losses), tuple(notes), networks)
+    return prepared, CustomFactors(tuple(made), tuple(unused), tuple(notes), networks)
 
 
-def custom_constants(sources: Iterable[Any]) -> tuple[FlightConstant, ...]:
+def custom_constants(sources: Iterable[Any]) -> tuple[Parameter, ...]:
     """Return the constants that sources ask for, by an attribute, one source after another."""
     return tuple(one for source in sources for one in getattr(source, "constants", ()))
 

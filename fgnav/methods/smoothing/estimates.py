@@ -7,16 +7,16 @@ import numpy as np
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.rates import timed_motion
 from fgnav.assembly.prepared import PreparedFlight
-from fgnav.checks import BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BoolArray, FloatArray, IntArray, Unused
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
 from fgnav.messages import note
-from fgnav.methods.smoothing.calibration_report import calibrated_constants, constant_note
+from fgnav.methods.smoothing.calibration_report import calibrated_parameters, constant_note
 from fgnav.methods.smoothing.observability import TURN, undetermined
 from fgnav.types.estimate import Estimate
 
@@ -59,7 +59,7 @@ def estimate_of(
     if not converged:
         notes.append(note("E401", method=name))
     notes += gap_notes("estimate", spans(problem.t_s, refused), "W402")
-    constants = calibrated_constants(problem.constants, solution)
+    constants = calibrated_parameters(problem.constants, solution)
     notes += map(constant_note, constants)
     epochs = prepared.epochs if rows is None else len(rows)
     rows = np.arange(len(problem.t_s)) if rows is None else rows
@@ -71,13 +71,13 @@ def estimate_of(
         unobservable=open_states,
         integers=prepared.integers,
         arcs=prepared.arcs,
-        losses=(
-            *prepared.losses,
-            *([Loss(what="keyframe", reason=ROUGH, count=lost)] if lost else []),
+        unused=(
+            *prepared.unused,
+            *([Unused(what="keyframe", reason=ROUGH, count=lost)] if lost else []),
         ),
         converged=converged,
         rejections=prepared.rejections,
-        constants=constants,
+        calibration=constants,
         notes=(*prepared.notes, *notes),
     )
 
@@ -116,7 +116,7 @@ def stated_at(
 
 def stated(
     name: str,
-    constants: Constants,
+    constants: Parameters,
     solution: Solution,
     t_s: FloatArray,
     w_b_radps: FloatArray,
@@ -127,7 +127,7 @@ def stated(
     Parameters
     ----------
     name : str
-    constants : Constants
+    constants : Parameters
         Those solved.
     solution : Solution
     t_s : ndarray, shape (n,)
@@ -185,7 +185,7 @@ class OriginMotion:
 
 
 def origin_motion(
-    solution: Solution, w_b_radps: FloatArray, body: Body, constants: Constants
+    solution: Solution, w_b_radps: FloatArray, body: Body, constants: Parameters
 ) -> OriginMotion:
     """Move states from the accelerometer to the origin: ``p + R a`` and ``v + R (w_nb x a)``.
 
@@ -198,7 +198,7 @@ def origin_motion(
     w_b_radps : ndarray, shape (n, 3)
         Rates as in ``stated``.
     body : Body
-    constants : Constants
+    constants : Parameters
     """
     R_nb, P, n = solution.states.R_nb, solution.covariance, len(w_b_radps)
     lever, width = constants.columns("lever-arm"), P.shape[1]

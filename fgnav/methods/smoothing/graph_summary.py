@@ -27,10 +27,10 @@ def graph_summary(
     custom = Counter(one.name for one in sourced.factors)
     networks = {name: {"answered": custom[name]} for name in sourced.networks}
     for name, counts in networks.items():
-        left_out = [loss for loss in sourced.losses if loss.what == f"{name} answer"]
+        left_out = [loss for loss in sourced.unused if loss.what == f"{name} answer"]
         counts |= {loss.reason: loss.count for loss in left_out}
     if integers is not None and integers.resolver.startswith("network"):
-        others = {one.reason: one.count for one in integers.losses if one.what == HANDED_OVER}
+        others = {one.reason: one.count for one in integers.unused if one.what == HANDED_OVER}
         networks[TRUST] = {"answered": len(integers.fixed) - sum(others.values())} | others
     return GraphSummary(
         solver=solution.solver,

@@ -19,12 +19,12 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
-from fgnav.graph.types.constants import Constants, FlightConstant
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
-from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamSetUp
+from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamConfig
 
 _BEFORE_S = 0.1  # of the first keyframe: an interval that nothing uses
 
@@ -36,7 +36,7 @@ class Before(NamedTuple):
     p_n_m: FloatArray
 
 
-def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | None) -> Problem:
+def keyframe_problem(now: Measurements, config: StreamConfig, before: Before | None) -> Problem:
     """Return a keyframe as the second of two rows; ``before`` is None of the first.
 
     Raises
@@ -45,15 +45,15 @@ def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | No
         If the first has nothing to start from, or a body without a gyroscope no rate prior.
     """
     if before is None:
-        R_nb, p_n_m, has_attitude = *_first(now, set_up), True
+        R_nb, p_n_m, has_attitude = *_first(now, config), True
     else:
         attitude, p_n_m = _attitude(now), before.p_n_m
         R_nb, has_attitude = np.eye(3) if attitude is None else attitude, attitude is not None
     t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
-    gravity_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
-    sensors, of_instruments = _sensors(now, set_up, t_s, p_n_m)
-    constants = _constants(set_up, of_instruments, gyroscope=has_gyroscope)
+    gravity_n_mps2 = np.tile(config.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
+    sensors, of_instruments = _sensors(now, config, t_s, p_n_m)
+    constants = _constants(config, of_instruments, gyroscope=has_gyroscope)
     v_n_mps = np.zeros(3) if now.velocity is None else now.velocity.value
     return Problem(
         t_s=t_s,
@@ -64,7 +64,7 @@ def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | No
             aux=np.zeros((n, 6 if has_gyroscope else 12)),
             constants=constants.start,
         ),
-        motion=_motion(now, set_up, t_s, gravity_n_mps2, constants),
+        motion=_motion(now, config, t_s, gravity_n_mps2, constants),
         sensors=tuple(one.bound(constants) for one in sensors),
         constants=constants,
         attitude_known=np.full(n, has_attitude),
@@ -72,8 +72,8 @@ def keyframe_problem(now: Measurements, set_up: StreamSetUp, before: Before | No
 
 
 def _sensors(
-    now: Measurements, set_up: StreamSetUp, t_s: FloatArray, p_n_m: FloatArray
-) -> tuple[tuple[Sensor, ...], tuple[FlightConstant, ...]]:
+    now: Measurements, config: StreamConfig, t_s: FloatArray, p_n_m: FloatArray
+) -> tuple[tuple[Sensor, ...], tuple[Parameter, ...]]:
     """Return what was measured in the last of the rows, and the constants of instruments."""
     n, row, rates = len(t_s), np.array([len(t_s) - 1]), None
     sensors: list[Sensor] = []
@@ -83,72 +83,72 @@ def _sensors(
     if now.imu.w_b_radps is not None:
         newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
         rates = np.tile(newest, (n, 1))
-    arm_b_m = _arm_b_m(now, set_up)
+    arm_b_m = _arm_b_m(now, config)
     sensors += positions(_series(now.position, n, arm_b_m))
-    earth = set_up.origin.earth_rate_n_radps
+    earth = config.origin.earth_rate_n_radps
     sensors += velocities(_series(now.velocity, n, arm_b_m), rates, earth)
     if now.gravity is not None:
-        down_n_mps2 = np.tile(set_up.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
+        down_n_mps2 = np.tile(config.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
         sensors.append(gravity_sensor(_directions("gravity", now.gravity, n), down_n_mps2))
     if now.sight is not None:
         sensors.append(line_of_sight(_directions("line of sight", now.sight, n)))
-    constants: list[FlightConstant] = []
-    if set_up.barometer is not None:
+    constants: list[Parameter] = []
+    if config.barometer is not None:
         height_m = np.full(n, np.nan)
         height_m[row] = np.nan if now.height_m is None else now.height_m
-        of = set_up.barometer, now.imu.position_b_m, set_up.origin
+        of = config.barometer, now.imu.position_b_m, config.origin
         height, offset = height_sensor(*of, t_s, np.tile(p_n_m, (n, 1)), height_m)
         sensors.append(height)
         constants.append(offset)
-    if set_up.magnetometer is not None:
+    if config.magnetometer is not None:
         field_b_ut = np.full((n, 3), np.nan)
         field_b_ut[row] = np.nan if now.field_b_ut is None else now.field_b_ut
-        field, iron = field_sensor(set_up.magnetometer, field_b_ut)
+        field, iron = field_sensor(config.magnetometer, field_b_ut)
         sensors.append(field)
         constants.append(iron)
     return tuple(one for one in sensors if len(one.row)), tuple(constants)
 
 
 def _constants(
-    set_up: StreamSetUp, of_instruments: tuple[FlightConstant, ...], *, gyroscope: bool
-) -> Constants:
-    parts = tuple(of_vehicle(word) for word in calibration_requests(set_up.estimate))
-    if set_up.landmark_n_m is not None:
-        parts = with_landmark(parts, set_up.landmark_n_m)
+    config: StreamConfig, of_instruments: tuple[Parameter, ...], *, gyroscope: bool
+) -> Parameters:
+    parts = tuple(of_vehicle(word) for word in calibration_requests(config.calibrate))
+    if config.landmark_n_m is not None:
+        parts = with_landmark(parts, config.landmark_n_m)
     parts = (*parts, *of_instruments)
-    return Constants(parts if gyroscope else (*parts, mean_rate()))
+    return Parameters(parts if gyroscope else (*parts, mean_rate()))
 
 
 def _motion(
     now: Measurements,
-    set_up: StreamSetUp,
+    config: StreamConfig,
     t_s: FloatArray,
     gravity_n_mps2: FloatArray,
-    constants: Constants,
+    constants: Parameters,
 ) -> Motion:
     """Return the motion to the keyframe from the one before."""
-    n, earth = len(t_s) - 1, set_up.origin.earth_rate_n_radps
+    n, earth = len(t_s) - 1, config.origin.earth_rate_n_radps
     noise = np.full(n, now.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
     if now.imu.gyroscope_noise_radps_per_sqrt_hz is not None:
         return Inertial(
             t_s=t_s,
             imu=now.imu,
-            sub_steps=set_up.sub_steps,
+            sub_steps=config.sub_steps,
             gravity_n_mps2=gravity_n_mps2,
             earth_rate_n_radps=earth,
             accelerometer_noise=noise,
             gyroscope_noise=np.full(n, now.imu.gyroscope_noise_radps_per_sqrt_hz**2),
         )
-    if set_up.rate_prior is None:
+    if config.rate_prior is None:
         raise BadInputError("stream set-up rate_prior: needed without a gyroscope")
     return GyroFree(
         t_s=t_s,
         imu=now.imu,
-        sub_steps=set_up.sub_steps,
+        sub_steps=config.sub_steps,
         gravity_n_mps2=gravity_n_mps2,
         earth_rate_n_radps=earth,
-        poles_per_s=np.tile(set_up.rate_prior.poles_per_s, (n, 1, 1)),
-        variance_rad2ps2=np.tile(set_up.rate_prior.variance_rad2ps2, (n, 1)),
+        poles_per_s=np.tile(config.rate_prior.poles_per_s, (n, 1, 1)),
+        variance_rad2ps2=np.tile(config.rate_prior.variance_rad2ps2, (n, 1)),
         accelerometer_noise=noise,
         constants=constants,
     )
@@ -162,19 +162,19 @@ def _attitude(now: Measurements) -> FloatArray | None:
     return solution.R_nb[0] if solution.solved[0] else None
 
 
-def _first(now: Measurements, set_up: StreamSetUp) -> tuple[FloatArray, FloatArray]:
+def _first(now: Measurements, config: StreamConfig) -> tuple[FloatArray, FloatArray]:
     """Return where the first keyframe's search starts."""
     R_nb = now.R_nb if now.R_nb is not None else _attitude(now)
     if R_nb is None:
         raise BadInputError("first measurements R_nb: needed where no array has an attitude")
     if now.position is None:
         raise BadInputError("first measurements position: needed to start from")
-    return R_nb, now.position.value - R_nb @ _arm_b_m(now, set_up)
+    return R_nb, now.position.value - R_nb @ _arm_b_m(now, config)
 
 
-def _arm_b_m(now: Measurements, set_up: StreamSetUp) -> FloatArray:
+def _arm_b_m(now: Measurements, config: StreamConfig) -> FloatArray:
     """Return the way from the accelerometer to the antenna of positions, (3,)."""
-    return set_up.antenna_b_m - now.imu.position_b_m
+    return config.antenna_b_m - now.imu.position_b_m
 
 
 def _series(measured: Measured | None, n: int, arm_b_m: FloatArray) -> tuple[VectorSeries, ...]:

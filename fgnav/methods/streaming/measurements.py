@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class StreamSetUp:
+class StreamConfig:
     """What is known of a vehicle before its measurements come.
 
     Attributes
@@ -36,7 +36,7 @@ class StreamSetUp:
         the stream runs: no drift.
     magnetometer : Magnetometer or None
         The field where the vehicle is, and how the instrument errs; its record is not read.
-    estimate : tuple of str
+    calibrate : tuple of str
         What else to estimate, such as ``("boresight", "lever-arm=0.2")``, see
         ``assembly.calibration_request``: all but antennas. It is linearised where it is stated:
         angles off by more than a few degrees want a flight's batch first.
@@ -52,25 +52,25 @@ class StreamSetUp:
     landmark_n_m: FloatArray | None = None
     barometer: Barometer | None = None
     magnetometer: Magnetometer | None = None
-    estimate: tuple[str, ...] = ()
+    calibrate: tuple[str, ...] = ()
     sub_steps: int = 1
     networks: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         """Reject what a stream cannot estimate."""
-        for word in calibration_requests(self.estimate):
+        for word in calibration_requests(self.calibrate):
             if word.kind == "antenna":
                 raise BadInputError(
-                    "stream set-up estimate: antennas cannot be, phases come reduced by their "
-                    "stated places; run a recorded flight with --estimate antennas"
+                    "calibrate: antennas cannot be, phases come reduced by their "
+                    "stated places; run a recorded flight with --calibrate antennas"
                 )
             if word.kind in ("clock", "velocity-delay"):
                 raise BadInputError(
-                    f"stream set-up estimate: {word.kind} cannot be, correct the time tags; a "
+                    f"calibrate: {word.kind} cannot be, correct the time tags; a "
                     "recorded flight identifies what they are off by"
                 )
             if word.kind in ("landmark", "boresight") and self.landmark_n_m is None:
-                raise BadInputError(f"stream set-up estimate: {word.kind} needs a landmark_n_m")
+                raise BadInputError(f"calibrate: {word.kind} needs a landmark_n_m")
         if self.barometer is not None and self.barometer.wander_m:
             raise BadInputError(
                 "stream set-up barometer: wander_m must be 0, one offset holds for the whole "

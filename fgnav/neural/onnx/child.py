@@ -77,7 +77,7 @@ def _opened(content: bytes, threads: int) -> "InferenceSession":
         content,
         options,
         providers=["CPUExecutionProvider"],
-        # Constants would be computed while the file is loaded, out of the arena.
+        # Parameters would be computed while the file is loaded, out of the arena.
         disabled_optimizers=["ConstantFolding"],
         enable_fallback=0,  # prints, then fails again
     )

@@ -1,6 +1,6 @@
 """Which states a window linearises anew, and which estimates are too far from there.
 
-Constants stay where they are: one shared variable relinearised has the whole window eliminated
+Parameters stay where they are: one shared variable relinearised has the whole window eliminated
 anew.
 """
 

@@ -131,12 +131,12 @@ class FixedLag:
         leaving = self.advance(problem, row, custom)
         return self._estimates(leaving) if leaving else None
 
-    def newest(self) -> Departed:
+    def latest(self) -> Departed:
         """Return the newest keyframe, known from the data up to it and no further."""
         self._solve()
         return self._estimates(range(len(self._t_s) - 1, len(self._t_s)))
 
-    def rest(self) -> Departed:
+    def flush(self) -> Departed:
         """Return all keyframes that have not left, known from all data so far.
 
         Raises

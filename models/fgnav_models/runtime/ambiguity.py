@@ -100,7 +100,7 @@ class AmbiguityNetwork:
             cycles=np.where(fixed, cycles, 0),
             fixed=fixed,
             ratio=np.full(links.shape[:2], np.nan),
-            losses=not_fixed(
+            unused=not_fixed(
                 {
                     f"not GPS 1C, all that network {self.network} knows": links & ~signal,
                     f"network {self.network} wants six satellites, tracked by all antennas": (

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.integers.acceptance import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.integers.arcs.resolver import Arcs, noise_as_shown
 from fgnav.integers.array.candidates import Candidates, candidates
@@ -143,7 +143,7 @@ class Network:
             ratio=np.where(links.any(axis=2), trust.ratio[:, None], np.nan),
             wrong_probability=trust.wrong_probability,
             reasons=tuple(reasons.tolist()),
-            losses=not_fixed(missing),
+            unused=not_fixed(missing),
         )
 
     def _beyond(
@@ -152,20 +152,20 @@ class Network:
         """Return what the fallback makes of epochs outside the domain, and say so."""
         fallback = replace(self.fallback, estimate_noise=False, causal=self.causal)
         integers = fallback(differences, flight)
-        losses = [
-            Loss(
+        unused = [
+            Unused(
                 what=HANDED_OVER,
                 reason=f"{text}, the network's training domain: left to {fallback.name}",
                 count=outside.count(text),
             )
             for text in sorted(set(outside))
         ]
-        return replace(integers, resolver=self.name, losses=(*losses, *integers.losses))
+        return replace(integers, resolver=self.name, unused=(*unused, *integers.unused))
 
 
 def handed_over(integers: Integers) -> Mapping[str, int]:
     """Return how many epochs were outside the network's domain, by reason."""
-    return {loss.reason: loss.count for loss in integers.losses if loss.what == HANDED_OVER}
+    return {loss.reason: loss.count for loss in integers.unused if loss.what == HANDED_OVER}
 
 
 def outside_domain(

@@ -9,7 +9,7 @@ from fgnav.checks import FloatArray
 from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav.neural.manifest import Statistic
 from fgnav_models.training.order import Order
-from fgnav_models.training.train import Batch, Batches, Loss, Settings
+from fgnav_models.training.train import Batch, Batches, Settings, Unused
 from fgnav_sim.ranges import Count
 
 _VALIDATIONS = 10
@@ -27,7 +27,7 @@ class Learning(Table, frozen=True):
     domain_percent: Positive = 0.02
 
     def train(
-        self, order: Order, name: str, net: torch.nn.Module, batches: Batches, loss: Loss,
+        self, order: Order, name: str, net: torch.nn.Module, batches: Batches, loss: Unused,
         held: Batch, seed: int,
     ) -> None:  # fmt: skip
         """Train a network on the order's device, validated on held-out rows; it ends on the CPU.

@@ -10,10 +10,10 @@ import torch
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav_models.training.train import (
     Batches,
-    Loss,
     Progress,
     Settings,
     Trained,
+    Unused,
     Validate,
     train,
 )
@@ -44,7 +44,7 @@ class Order:
         name: str,
         module: torch.nn.Module,
         batches: Batches,
-        loss: Loss,
+        loss: Unused,
         settings: Settings,
         validate: Validate | None = None,
     ) -> Trained:

@@ -24,7 +24,7 @@ from fgnav.io.strict_toml import NotNegative, Positive, Table
 from fgnav_models.training.plan import Cost, costs_of_plan
 
 Batch: TypeAlias = tuple[torch.Tensor, ...]
-Loss: TypeAlias = Callable[[torch.nn.Module, Batch], torch.Tensor]
+Unused: TypeAlias = Callable[[torch.nn.Module, Batch], torch.Tensor]
 Validate: TypeAlias = Callable[[torch.nn.Module], Mapping[str, float]]
 
 _SPREAD = 1_000_003  # prime; keeps the seeds of neighbouring runs' steps apart
@@ -71,7 +71,7 @@ class _State:
 
     step: int = 0
     best: float = math.inf
-    losses: int = 0  # in the sum of losses since the last validation
+    unused: int = 0  # in the sum of unused since the last validation
     history: list[dict[str, float]] = field(default_factory=list)
 
 
@@ -88,7 +88,7 @@ class Trained:
 def train(
     module: torch.nn.Module,
     batches: Batches,
-    loss: Loss,
+    loss: Unused,
     settings: Settings,
     checkpoint: Path,
     *,
@@ -144,7 +144,7 @@ def train(
     return run.result(finished=True)
 
 
-def _planned(run: "_Run", batches: Batches, loss: Loss, costs: list[Cost]) -> Trained:
+def _planned(run: "_Run", batches: Batches, loss: Unused, costs: list[Cost]) -> Trained:
     """Take a step that warms up and one that is timed, in the place of all, and note the cost."""
     start_s = perf_counter()
     for step in range(2):
@@ -218,7 +218,7 @@ class _Run:
         if self.device.type == "cuda":
             torch.cuda.manual_seed(number)
 
-    def advance(self, batch: Batch, loss: Loss) -> None:
+    def advance(self, batch: Batch, loss: Unused) -> None:
         settings = self.settings
         for group in self.optimizer.param_groups:
             group["lr"] = _learning_rate(settings, self.state.step)
@@ -230,19 +230,19 @@ class _Run:
             torch.nn.utils.clip_grad_norm_(self.module.parameters(), settings.clip_norm)
         self.optimizer.step()
         self.state.step += 1
-        self.state.losses += 1
+        self.state.unused += 1
         self.loss_sum = self.loss_sum.to(value.device) + value.detach()
 
     def mean_loss(self) -> float:
         """Return the mean since the last validation, or up to it where that was just now."""
-        if not self.state.losses:
+        if not self.state.unused:
             return self.state.history[-1]["loss"] if self.state.history else math.nan
-        return float(self.loss_sum) / self.state.losses
+        return float(self.loss_sum) / self.state.unused
 
     def judge(self) -> None:
         """Validate, note the figures, and keep the weights where they are the best so far."""
         mean = self.mean_loss()
-        self.loss_sum, self.state.losses = torch.zeros_like(self.loss_sum), 0
+        self.loss_sum, self.state.unused = torch.zeros_like(self.loss_sum), 0
         if not math.isfinite(mean):
             raise NoSolutionError(
                 f"{self.checkpoint}: the loss is {mean} at step {self.state.step}; "
@@ -271,7 +271,7 @@ class _Run:
         text = {
             "step": state.step,
             "best": best,
-            "losses": state.losses,
+            "unused": state.unused,
             "history": state.history,
         }
         run = json.dumps({"settings": _settings_text(self.settings), "state": text})

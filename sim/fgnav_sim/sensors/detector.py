@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Unused
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.photodetector import spot_fraction
 from fgnav.types.flight import Photodetector
@@ -69,13 +69,13 @@ def watch(
     )
 
 
-def saturated(sensor: PhotodetectorTable, photodetector: Photodetector) -> tuple[Loss, ...]:
+def saturated(sensor: PhotodetectorTable, photodetector: Photodetector) -> tuple[Unused, ...]:
     """Return how many samples have a current that was cut."""
     limit_a = sensor.optics.saturation_a if sensor.optics else None
     if limit_a is None or not (cut := (photodetector.currents >= limit_a).any(axis=1)).any():
         return ()
     reason = f"a current saturated at {limit_a:g} A"
-    return (Loss(what="photodetector sample", reason=reason, count=int(cut.sum())),)
+    return (Unused(what="photodetector sample", reason=reason, count=int(cut.sum())),)
 
 
 def _total_a(

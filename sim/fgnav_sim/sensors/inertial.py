@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import FloatArray, Loss
+from fgnav.checks import FloatArray, Unused
 from fgnav.types.flight import Imu
 from fgnav.types.instruments import USUAL_IMU_NOISE
 from fgnav_sim.gauss_markov import flicker
@@ -40,19 +40,19 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
     )
 
 
-def saturated(sensor: ImuTable, imu: Imu) -> tuple[Loss, ...]:
+def saturated(sensor: ImuTable, imu: Imu) -> tuple[Unused, ...]:
     """Return how many samples of each triad were cut at the end of its range."""
     ranges = (
         ("accelerometer", imu.f_b_mps2, sensor.accelerometer_range_mps2, "m/s2"),
         ("gyroscope", imu.w_b_radps, sensor.gyroscope_range_radps, "rad/s"),
     )
-    losses = []
+    unused = []
     for name, values, limit, unit in ranges:
         if values is not None and limit is not None:
             cut = int((np.abs(values) >= limit).any(axis=1).sum())
             reason = f"saturated at {limit:g} {unit}"
-            losses.append(Loss(what=f"{name} sample", reason=reason, count=cut))
-    return tuple(loss for loss in losses if loss.count)
+            unused.append(Unused(what=f"{name} sample", reason=reason, count=cut))
+    return tuple(loss for loss in unused if loss.count)
 
 
 def _measured(

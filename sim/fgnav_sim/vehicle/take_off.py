@@ -7,7 +7,7 @@ from typing import TypeAlias
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.geometry.rotations import from_euler
 from fgnav_sim.scenario import Scenario
 from fgnav_sim.vehicle.atmosphere import Air, dryden
@@ -21,7 +21,7 @@ from fgnav_sim.vehicle.tables import Vehicle
 ROW_INTERVAL_S = 0.01  # quintics in between are within 1e-9 of the attitude at 5 turns a second
 GUST_INTERVAL_M = 5.0
 
-Airborne: TypeAlias = tuple[Scenario, tuple[Loss, ...]]  # its motion known, and what was not flown
+Airborne: TypeAlias = tuple[Scenario, tuple[Unused, ...]]  # with known motion; parts not flown
 
 
 def take_off(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> list[Airborne]:
@@ -149,18 +149,18 @@ def _air(table: FlownTable, launch: Launch, rng: np.random.Generator) -> Air:
 
 def _airborne(scenario: Scenario, vehicle: Vehicle, flown: Flown, row: int) -> Airborne:
     """Return a scenario with the motion it flew, no longer than that lasted."""
-    count, losses = int(flown.rows[row]), list[Loss]()
+    count, unused = int(flown.rows[row]), list[Unused]()
     last_s = float(flown.t_s[count - 1])
     if count < 2:
         raise BadInputError("flown.start: the flight meets the ground at once; start higher")
     if last_s < scenario.duration_s:
         reason = f"the body met the ground after {last_s:.2f} s"
-        losses.append(Loss(what="landing", reason=reason, count=1))
+        unused.append(Unused(what="landing", reason=reason, count=1))
     gusts = scenario.flown.gusts if scenario.flown else None
     path_m = float(flown.y[row, count - 1, PATH])
     if gusts is not None and path_m > gusts.length_m:
         reason = f"gusts end after {gusts.length_m:g} of {path_m:.0f} m through the air"
-        losses.append(Loss(what="gusts", reason=reason, count=1))
+        unused.append(Unused(what="gusts", reason=reason, count=1))
     motion = flown_motion(flown, scenario.origin.frame, row, vehicle)
     changes = {"motion": motion, "flown": None, "duration_s": min(last_s, scenario.duration_s)}
-    return msgspec.structs.replace(scenario, **changes), tuple(losses)
+    return msgspec.structs.replace(scenario, **changes), tuple(unused)

@@ -4,8 +4,8 @@ import dataclasses
 
 import numpy as np
 
-from fgnav.alignment.array.pivot import pivot_losses, pivot_notes, pivot_views
-from fgnav.checks import Loss
+from fgnav.alignment.array.pivot import pivot_notes, pivot_unused, pivot_views
+from fgnav.checks import Unused
 from fgnav_sim.gnss.tables import OutageTable
 from tests.methods.simulated import flown_with
 
@@ -62,15 +62,15 @@ def test_losses_of_all_views_are_added_up_less_what_another_reference_makes_up_f
     below, against = "below the elevation mask", "not tracked by the reference antenna"
     seen = np.isfinite(flight.observations.code_m[views[1].rows])
     made_up = int((seen & ~seen[:, :1])[:, 1].sum())  # of antenna a2
-    losses = (
-        Loss(what="a2 link", reason=below, count=60),
-        Loss(what="a2 link", reason=below, count=40),
-        Loss(what="a2 link", reason=against, count=made_up + 3),
-        Loss(what="a3 link", reason=against, count=1),
+    unused = (
+        Unused(what="a2 link", reason=below, count=60),
+        Unused(what="a2 link", reason=below, count=40),
+        Unused(what="a2 link", reason=against, count=made_up + 3),
+        Unused(what="a3 link", reason=against, count=1),
     )
-    total = {(loss.what, loss.reason): loss.count for loss in pivot_losses(views, losses)}
+    total = {(loss.what, loss.reason): loss.count for loss in pivot_unused(views, unused)}
     assert total == {("a2 link", below): 100, ("a2 link", against): 3}
-    assert pivot_losses(views, ()) == ()
+    assert pivot_unused(views, ()) == ()
 
 
 def test_a_flight_without_observations_has_one_view():

@@ -16,7 +16,7 @@ from fgnav.alignment.array.shape import (
 )
 from fgnav.assembly.calibration_request import calibration_requests, constants_of
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.graph.types.constants import flight_constant
+from fgnav.graph.types.parameters import flight_constant
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.types.integers import fixed_ranges_m
 from tests.assembly.flights import E_N, motion

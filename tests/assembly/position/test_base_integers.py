@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from fgnav.assembly.position.numbered_arcs import Observed
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from tests.assembly.position.test_live_arcs import least_squares
 from tests.gnss.based import antenna_n_m, flown
 
@@ -32,7 +32,7 @@ def resolved(flight, *, causal, jumped=()):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = (Observed(of, rows, rows, np.zeros(3), "a1"),)
-    return antenna_phase(observed, of.t_s, R_nb, Constants(), causal=causal), of
+    return antenna_phase(observed, of.t_s, R_nb, Parameters(), causal=causal), of
 
 
 def is_white(phase, flight, of):

@@ -46,7 +46,7 @@ def test_jumps_of_twenty_metres_and_more_are_found_and_nothing_else(velocity):
         way *= rng.uniform(20, 100, (len(rows), 1)) / np.linalg.norm(way, axis=1, keepdims=True)
         result = gate(flight, moved(position, rows, way), speeds)
         assert (np.flatnonzero(np.isnan(result.position.value[:, 0])) == rows).all()
-        assert [(loss.what, loss.count) for loss in result.losses] == [("position", len(rows))]
+        assert [(loss.what, loss.count) for loss in result.unused] == [("position", len(rows))]
         listed = sum(round(10 * (r.until_s - r.from_s)) + 1 for r in result.rejections)
         assert listed == len(rows)
 
@@ -55,7 +55,7 @@ def test_fixes_that_are_only_noisy_all_stay():
     for seed in range(5):
         result = gate(*case(seed))
         assert result.rejections == ()
-        assert result.losses == ()
+        assert result.unused == ()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -83,7 +83,7 @@ def test_a_velocity_that_jumps_goes_and_does_not_take_positions_along():
     flight, position, speeds = case(2)
     result = gate(flight, position, moved(speeds, [50, 51, 200], [0, 3.0, 0]))
     assert np.isnan(result.velocity.value[[50, 51, 200], 0]).all()
-    assert [(loss.what, loss.count) for loss in result.losses] == [("velocity", 3)]
+    assert [(loss.what, loss.count) for loss in result.unused] == [("velocity", 3)]
 
 
 def test_nothing_is_tested_near_an_untested_keyframe():

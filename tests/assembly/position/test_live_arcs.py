@@ -9,7 +9,7 @@ from scipy.special import chdtri
 from fgnav.assembly.position.numbered_arcs import Observed
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.gnss.undifferenced import undifferenced
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
 from tests.gnss.based import antenna_n_m, flown
 
@@ -31,7 +31,7 @@ def of_flight(flight, *, causal=False):
     rows = np.arange(len(of.t_s))
     R_nb = truth.R_nb[np.searchsorted(truth.t_s, of.t_s - 1e-6)]
     observed = Observed(of, rows, rows, np.zeros(3))
-    phases = antenna_phase((observed,), of.t_s, R_nb, Constants(), causal=causal)
+    phases = antenna_phase((observed,), of.t_s, R_nb, Parameters(), causal=causal)
     return phases.phase, antenna_n_m(flight, of.t_s), phases.notes
 
 

@@ -29,21 +29,21 @@ def estimated(times_s, seed=3):
 
 def test_gravity_stands_at_the_nearest_keyframes_with_its_own_covariance():
     direction = estimated([0.04, 0.31, 9.0])
-    at_keyframes, losses = directional.gravity(direction, T_S)
+    at_keyframes, unused = directional.gravity(direction, T_S)
     assert at_keyframes.row.tolist() == [0, 3]
     own = Directions.of("some", direction.g_b, direction.covariance)
     assert_allclose(at_keyframes.across_b[[0, 3]], own.across_b[:2])
-    assert [(loss.what, loss.count) for loss in losses] == [("gravity direction", 1)]
+    assert [(loss.what, loss.count) for loss in unused] == [("gravity direction", 1)]
 
 
 def test_a_filter_takes_gravity_at_the_first_keyframe_that_is_not_before_it():
     """Of several between two keyframes the last; none that would come too late."""
     direction = estimated([0.04, 0.08, 0.31, 9.0])
-    at_keyframes, losses = directional.gravity(direction, T_S, causal=True)
+    at_keyframes, unused = directional.gravity(direction, T_S, causal=True)
     assert at_keyframes.row.tolist() == [1, 4]
     own = Directions.of("some", direction.g_b, direction.covariance)
     assert_allclose(at_keyframes.across_b[[1, 4]], own.across_b[[1, 2]])
-    assert losses[0].count == 2
+    assert unused[0].count == 2
 
 
 @pytest.mark.parametrize("least", [0.0, -1e-6, 1e-15])
@@ -70,7 +70,7 @@ def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
     t_s = np.arange(0.0, 60.05, 0.1)
     truth = flight.truth
     p_n_m = interpolate(t_s, truth.t_s, truth.p_n_m)
-    at_keyframes, losses = directional.sight(flight.photodetector, flight.imu, t_s, p_n_m)
+    at_keyframes, unused = directional.sight(flight.photodetector, flight.imu, t_s, p_n_m)
     rows = at_keyframes.row
     assert len(rows) > 20
     assert t_s[rows].min() > seen_s[0] - 0.2
@@ -81,4 +81,4 @@ def test_the_line_of_sight_is_that_from_the_accelerometer_to_the_landmark():
     whitened = np.einsum("nij,nj->ni", at_keyframes.across_b[rows], u_b)
     degrees = whitened.size
     assert abs((whitened**2).sum() / degrees - 1) < 5 * np.sqrt(2 / degrees)
-    assert all(loss.count > 0 for loss in losses)
+    assert all(loss.count > 0 for loss in unused)

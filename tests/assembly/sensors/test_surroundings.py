@@ -25,10 +25,10 @@ def bare(**parts):
 
 def test_heights_become_places_along_down_wherever_the_vehicle_is():
     barometer = pressed(T_S, position_b_m=np.array([1.2, 0, 0]))
-    at_keyframes, (offset,), losses = heights(bare(barometer=barometer), IMU, T_S, P_N_M)
+    at_keyframes, (offset,), unused = heights(bare(barometer=barometer), IMU, T_S, P_N_M)
     np.testing.assert_allclose(at_keyframes.down_n_m, P_N_M[:, 2], rtol=0, atol=0.01)
     np.testing.assert_allclose(at_keyframes.arm_b_m, [1.0, 0, 0], rtol=0, atol=1e-15)
-    assert losses == ()
+    assert unused == ()
     assert at_keyframes.sigma_m == pytest.approx(0.3)
     assert offset.axes == ("height",)
 
@@ -70,14 +70,14 @@ def test_what_lines_between_those_times_miss_is_noise_of_the_same_mean():
 
 def test_each_sample_is_used_once_and_the_rest_is_counted():
     fast, slow = pressed(np.arange(0.0, 30.0, 0.02)), pressed(np.arange(0.03, 30.0, 1.0))
-    at_keyframes, _, losses = heights(bare(barometer=fast), IMU, T_S, P_N_M)
+    at_keyframes, _, unused = heights(bare(barometer=fast), IMU, T_S, P_N_M)
     assert len(at_keyframes.row) == len(T_S)
-    assert losses[0].count == 1200
-    at_keyframes, _, losses = heights(bare(barometer=slow), IMU, T_S, P_N_M)
+    assert unused[0].count == 1200
+    at_keyframes, _, unused = heights(bare(barometer=slow), IMU, T_S, P_N_M)
     row = at_keyframes.row
     assert len(row) == 29  # the keyframe nearest to the first lies before it
     np.testing.assert_allclose(at_keyframes.down_n_m, P_N_M[row, 2], rtol=0, atol=0.01)
-    assert losses[0].count == 1
+    assert unused[0].count == 1
 
 
 def test_nothing_is_put_into_holes_of_a_recording():
@@ -106,9 +106,9 @@ def test_a_magnetometer_that_reads_zero_has_no_direction():
 
 def test_a_filter_takes_the_newest_sample_since_the_keyframe_before():
     fast, slow = pressed(np.arange(0.0, 30.0, 0.02)), pressed(np.arange(0.03, 30.0, 1.0))
-    at_keyframes, _, losses = heights(bare(barometer=fast), IMU, T_S, P_N_M, causal=True)
+    at_keyframes, _, unused = heights(bare(barometer=fast), IMU, T_S, P_N_M, causal=True)
     assert len(at_keyframes.row) == len(T_S)
-    assert losses[0].count == 1200
+    assert unused[0].count == 1200
     at_keyframes, _, _ = heights(bare(barometer=slow), IMU, T_S, P_N_M, causal=True)
     np.testing.assert_allclose(T_S[at_keyframes.row], np.arange(0.1, 30.0, 1.0), rtol=0, atol=1e-9)
 

@@ -12,7 +12,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from fgnav.checks import BadInputError, Loss
+from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.report.charts import METHODS, TRUTH, Chart, Line, styles_of, unjumped_deg
 from fgnav.evaluation.report.contents import comparison_report
@@ -20,7 +20,7 @@ from fgnav.evaluation.report.parts import Folded, Grid, Part, Report, Table
 from fgnav.evaluation.report.render import sheets
 from fgnav.evaluation.report.save import check_report, page, save_report, write
 from fgnav.evaluation.report.text import text_lines
-from fgnav.types.estimate import Consistency, Constant, Rejected
+from fgnav.types.estimate import CalibratedParameter, Consistency, Rejected
 
 PARTS = (
     *("summary", "errors", "motion", "sigmas", "sky", "integers"),
@@ -234,7 +234,7 @@ def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
     t_s = np.concatenate([np.arange(0, 4, 0.1), np.arange(6, 10, 0.1)])
     phase = Rejected(what="phase", link="a3 G05 1C", from_s=1.0, until_s=2.0, reason="echo")
     value, covariance = np.array([0.25]), np.array([[0.01]])
-    boresight = Constant(
+    boresight = CalibratedParameter(
         name="boresight", axes=("about y_b",), unit="rad", value=value, covariance=covariance
     )
     deciles = (*[2] * 5, *[8] * 5)
@@ -242,7 +242,7 @@ def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
     more = {
         "n_epochs": 100,
         "rejections": (phase,),
-        "losses": (Loss(what="a2 link", reason="below the mask", count=7),),
+        "unused": (Unused(what="a2 link", reason="below the mask", count=7),),
         "consistency": (Consistency(**tested, deciles=deciles),),
         "constants": (boresight,),
     }

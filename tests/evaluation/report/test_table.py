@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.checks import Loss
+from fgnav.checks import Unused
 from fgnav.evaluation.comparison import compare
 from fgnav.evaluation.integer_counts import IntegerCounts
-from fgnav.evaluation.report.summary import loss_lines, method_table, remarks
+from fgnav.evaluation.report.summary import method_table, remarks, unused_lines
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Rejected
 
@@ -126,19 +126,19 @@ def test_rejected_measurements_are_told_by_kind_and_whole_in_the_figures(flight,
 
 
 def test_losses_are_grouped_by_reason_with_one_example():
-    losses = tuple(Loss(what=f"link {i}", reason="low", count=2) for i in range(5))
-    other = Loss(what="epoch", reason="late", count=7)
-    assert loss_lines({"a": losses, "b": (*losses, other)}) == [
+    unused = tuple(Unused(what=f"link {i}", reason="low", count=2) for i in range(5))
+    other = Unused(what="epoch", reason="late", count=7)
+    assert unused_lines({"a": unused, "b": (*unused, other)}) == [
         "lost 10 × link 0 and others: low",
         "lost 7 × epoch: late (b)",
     ]
 
 
 def test_many_reasons_for_losses_are_cut_and_the_cut_is_told():
-    losses = tuple(Loss(what="x", reason=f"reason {i}", count=100 - i) for i in range(11))
-    lines = loss_lines({"a": losses})
+    unused = tuple(Unused(what="x", reason=f"reason {i}", count=100 - i) for i in range(11))
+    lines = unused_lines({"a": unused})
     assert lines[0] == "lost 100 × x: reason 0"
-    assert lines[-1] == "and 3 more reasons for losses, all in --json"
+    assert lines[-1] == "and 3 more reasons, all in --json"
 
 
 def test_errors_against_a_reference_are_called_so_and_truth_is_truth(flight, off):

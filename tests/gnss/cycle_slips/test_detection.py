@@ -50,7 +50,7 @@ def high(flight: Flight, count: int = 1) -> list[int]:
 
 
 def lost(found: PhaseArcs) -> dict[tuple[str, str], int]:
-    return {(loss.what, loss.reason): loss.count for loss in found.losses}
+    return {(loss.what, loss.reason): loss.count for loss in found.unused}
 
 
 TEST = "cycle slip found by the time-differenced test"
@@ -61,7 +61,7 @@ TEST = "cycle slip found by the time-differenced test"
 def test_undisturbed_phases_are_one_arc_each(t_s, yaw_rate):
     flight = replace(SPINNING, t_s=t_s, yaw_rate_radps=yaw_rate).flight()
     found = arcs(flight)
-    assert found.losses == ()
+    assert found.unused == ()
     assert found.untested < 0.005 * found.steps
     assert found.steps > 500
     assert set(np.unique(found.arc)) <= {-1, 0}
@@ -135,7 +135,7 @@ def test_clock_jumps_of_a_millisecond_are_no_slips():
         return np.where(t_s > 2.05, 1e-3, 0.0)
 
     found = arcs(replace(SPINNING, clock_s=(0.0, jumping, 0.0, jumping)).flight())
-    assert found.losses == ()
+    assert found.unused == ()
     assert found.arc.max() == 0
 
 
@@ -147,7 +147,7 @@ def test_a_jump_of_the_code_alone_is_no_slip_either():
     code_m[30:, 1] += 299_792.458
     tag_s[30:, 1] += 1e-3
     found = arcs(changed(flight, code_m=code_m, tag_s=tag_s))
-    assert found.losses == ()
+    assert found.unused == ()
 
 
 def test_with_one_baseline_the_second_antenna_is_blamed():

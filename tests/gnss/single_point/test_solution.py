@@ -40,8 +40,8 @@ def by_second(flight: Flight) -> Flight:
     return replace(flight, antennas=flight.antennas[::-1], observations=observations)
 
 
-def reasons(losses) -> dict[tuple[str, str], int]:
-    return {(loss.what, loss.reason): loss.count for loss in losses}
+def reasons(unused) -> dict[tuple[str, str], int]:
+    return {(loss.what, loss.reason): loss.count for loss in unused}
 
 
 @pytest.mark.parametrize("letters", ["G", "GEC"])
@@ -113,7 +113,7 @@ def test_a_gross_error_is_dropped_and_counted():
     column = flight.observations.satellites.index(satellite)
     code_m[4, 0, column] += 60.0
     solution = code_solution(with_code(flight, code_m))
-    assert reasons(solution.losses)["a1 code observation", "contradicts the other satellites"] == 1
+    assert reasons(solution.unused)["a1 code observation", "contradicts the other satellites"] == 1
     assert not solution.used[4, visible]
     error = solution.p_n_m - made.position_n_m(T_S, ONE[0])
     assert np.abs(error).max() < 5.0
@@ -125,7 +125,7 @@ def test_epochs_without_enough_satellites_are_lost_by_name():
     code_m[3, 0, 3:] = np.nan
     code_m[5] = np.nan
     solution = code_solution(with_code(flight, code_m))
-    assert reasons(solution.losses)["a1 epoch", "fewer satellites than unknowns"] == 2
+    assert reasons(solution.unused)["a1 epoch", "fewer satellites than unknowns"] == 2
     np.testing.assert_array_equal(np.delete(np.arange(len(T_S)), [3, 5]), solution.epoch)
 
 
@@ -138,7 +138,7 @@ def test_satellites_below_the_mask_and_sick_ones_are_counted():
     records["health"][records["satellite"] == satellite] = 1
     sick = replace(flight, broadcast=BroadcastOrbits(records=records, klobuchar=np.zeros(8)))
     masked = replace(sick, elevation_mask_rad=np.radians(25.0))
-    lost = reasons(code_solution(masked).losses)
+    lost = reasons(code_solution(masked).unused)
     assert lost["a1 code observation", "satellite not healthy"] == len(T_S)
     assert lost["a1 code observation", "below the elevation mask"] >= len(T_S)
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, States
 
@@ -13,7 +13,7 @@ STEP = 1e-6
 
 
 def random_states(
-    n: int, shared: Constants, rng: np.random.Generator, *, gyroscope: bool = False
+    n: int, shared: Parameters, rng: np.random.Generator, *, gyroscope: bool = False
 ) -> States:
     return States(
         R_nb=exp(rng.normal(size=(n, 3))),
@@ -58,7 +58,7 @@ def assert_jacobians(measurement: Sensor, at: States) -> None:
     np.testing.assert_allclose(linearised.shared, shared, rtol=0, atol=2e-7 * size)
 
 
-def values_of(at: States, i: int, shared: Constants, key: int) -> gtsam.Values:
+def values_of(at: States, i: int, shared: Parameters, key: int) -> gtsam.Values:
     """Return state i as GTSAM's variables of keyframe ``key``."""
     values = gtsam.Values()
     values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(at.R_nb[i]), at.p_n_m[i]))
@@ -73,7 +73,7 @@ def values_of(at: States, i: int, shared: Constants, key: int) -> gtsam.Values:
     return values
 
 
-def normal_equations(measurement: Sensor, at: States, i: int, shared: Constants):
+def normal_equations(measurement: Sensor, at: States, i: int, shared: Parameters):
     """Return J'J and J'r of measurement i by its GTSAM form, in the order of ``Linearised``."""
     values = values_of(at, i, shared, 7)
     factor = measurement.factor(i, 7)
@@ -92,7 +92,7 @@ def normal_equations(measurement: Sensor, at: States, i: int, shared: Constants)
 
 
 def assert_gtsam_says_the_same(
-    measurement: Sensor, at: States, shared: Constants, *, rtol: float = 1e-9
+    measurement: Sensor, at: States, shared: Parameters, *, rtol: float = 1e-9
 ) -> None:
     """Hold GTSAM's error and linear system of every measurement against the kernel's."""
     which = np.arange(len(measurement.row))
@@ -107,7 +107,7 @@ def assert_gtsam_says_the_same(
         np.testing.assert_allclose(cost, value[i] @ value[i], rtol=rtol)
 
 
-def assert_factor(measurement: Sensor, at: States, shared: Constants) -> None:
+def assert_factor(measurement: Sensor, at: States, shared: Parameters) -> None:
     """Hold a sensor's Jacobians against differences, and its GTSAM factors against the kernel."""
     assert_jacobians(measurement, at)
     assert_gtsam_says_the_same(measurement, at, shared)

@@ -19,7 +19,7 @@ from fgnav.graph.factors.vehicle import aerodynamic_angles, wheels
 from fgnav.graph.factors.vehicle.resting_rate import RestingRate
 from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.factors.velocity import Velocity
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.parameters import Parameters, flight_constant
 
 K = 4
 ROWS = np.arange(K)
@@ -48,7 +48,7 @@ SIZES = {
 def constants(*names):
     """Return constants of these names."""
     parts = (flight_constant(n, tuple(map(str, range(SIZES[n]))), "m", 1.0) for n in names)
-    return Constants(tuple(parts))
+    return Parameters(tuple(parts))
 
 
 def unit(v):

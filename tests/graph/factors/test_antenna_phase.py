@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from fgnav.graph import keys
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from tests.graph.factors import cases, sensors
 
 
@@ -35,7 +35,7 @@ def phases(rng, shared, *, lever=False, sizes=(5, 4)):
         block=np.arange(len(sizes)),
         blocks=tuple(blocks),
         arm_b_m=rng.normal(size=(len(sizes), 3)),
-        constants=shared if lever else Constants(),
+        constants=shared if lever else Parameters(),
     )
 
 

@@ -12,7 +12,7 @@ from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.multipath import Multipath
-from fgnav.graph.types.constants import Constants, flight_constant
+from fgnav.graph.types.parameters import Parameters, flight_constant
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.process import matern
 from tests.graph.factors.motions import (
@@ -25,7 +25,7 @@ from tests.graph.factors.motions import (
 )
 from tests.imu import imu_of
 
-CONSTANTS = Constants(
+CONSTANTS = Parameters(
     (
         flight_constant("boresight", ("x", "y"), "rad", 0.1),
         flight_constant("mean rate", ("x", "y", "z"), "rad/s", 15.0),
@@ -291,4 +291,4 @@ def test_arrays_of_wrong_shape_are_refused_by_name():
     with pytest.raises(BadInputError, match=r"gyro-free poles_per_s: expected shape \(5, 3, 3\)"):
         replace(factors, poles_per_s=np.ones((4, 3)))
     with pytest.raises(BadInputError, match="gyro-free constants: mean rate is not among them"):
-        replace(factors, constants=Constants())
+        replace(factors, constants=Parameters())

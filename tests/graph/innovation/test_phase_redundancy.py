@@ -5,7 +5,7 @@ from scipy.stats import chi2
 
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 
 ARCS, ROWS, EPOCHS = 6, 7, 8
 HALF = EPOCHS // 2
@@ -34,7 +34,7 @@ def drawn(rng, louder=1.0):
         block=np.repeat([0, 1], HALF),
         blocks=blocks,
         arm_b_m=np.zeros((EPOCHS, 3)),
-        constants=Constants(()),
+        constants=Parameters(()),
     )
 
 

@@ -5,7 +5,7 @@ from scipy.special import chdtri
 
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
 from fgnav.graph.innovation.place_by_code import place_innovation
-from fgnav.graph.types.constants import Constants
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 
@@ -39,7 +39,7 @@ def solved(rng, place_sigma_m, off_m=0.0):
         block=np.array([0]),
         blocks=(block,),
         arm_b_m=np.zeros((1, 3)),
-        constants=Constants(()),
+        constants=Parameters(()),
     )
     covariance = np.zeros((1, WIDTH, WIDTH))
     covariance[0, 3:6, 3:6] = P[:3, :3]

@@ -126,7 +126,7 @@ def test_kept_integers_serve_where_the_attitude_is_not_known(flight):
     )
     found = Truth()(double_differences(short), short)
     assert found.fixed[-1].any()
-    assert not found.losses
+    assert not found.unused
 
 
 def test_half_cycle_slips_leave_nothing_to_fix_and_are_counted():
@@ -139,7 +139,7 @@ def test_half_cycle_slips_leave_nothing_to_fix_and_are_counted():
     found = Truth()(differences, slipped)
     assert 0.1 < halves.sum() / phase_links(differences).sum() < 0.9
     assert_array_equal(found.fixed, phase_links(differences) & ~halves)
-    assert [(loss.reason, loss.count) for loss in found.losses] == [
+    assert [(loss.reason, loss.count) for loss in found.unused] == [
         ("slipped by half a cycle", halves.sum())
     ]
     R_nb, _ = attitude_at(slipped.truth, differences.t_s)

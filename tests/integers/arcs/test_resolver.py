@@ -206,8 +206,8 @@ def test_links_are_fixed_or_counted():
     d = replace(d, code_m=code_m)
     found = lambda_arcs()(d, made.flight)
     links = np.isfinite(d.phase_m) & ~d.is_reference[:, None]
-    assert found.fixed.sum() + sum(loss.count for loss in found.losses) == links.sum()
-    reasons = {loss.reason for loss in found.losses}
+    assert found.fixed.sum() + sum(loss.count for loss in found.unused) == links.sum()
+    reasons = {loss.reason for loss in found.unused}
     assert "phase without code" in reasons
     assert (found.wrong_probability <= 1.0).all()
 

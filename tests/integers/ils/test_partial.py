@@ -110,7 +110,7 @@ def test_lambda_fixes_what_it_can_trust_and_counts_the_rest(joint):
     assert found.fixed[:, :, others].mean() > 0.95
     assert not found.fixed[:, :, 5].any()
     assert_array_equal(found.cycles[found.fixed], made.cycles[found.fixed])
-    (loss,) = found.losses
+    (loss,) = found.unused
     assert loss.reason == "too vague for a success rate of 0.99"
     assert found.fixed.sum() + loss.count == worse.resolvable.sum()
     assert (found.wrong_probability <= (0.01 if joint else 0.07)).all()

@@ -35,8 +35,8 @@ def test_accepted_epochs_of_a_weak_array_are_right_and_the_others_counted():
     assert 0.05 < accepted.mean() < 0.5
     assert right(made, found)[accepted].all()
     links = made.differences.resolvable
-    assert found.fixed.sum() + sum(loss.count for loss in found.losses) == links.sum()
-    assert [loss.reason for loss in found.losses] == [DOUBTFUL]
+    assert found.fixed.sum() + sum(loss.count for loss in found.unused) == links.sum()
+    assert [loss.reason for loss in found.unused] == [DOUBTFUL]
     assert set(found.reasons) == {"", DOUBTFUL}
     assert [reason == "" for reason in found.reasons] == accepted.tolist()
     assert set(found.outcome) == {"fixed", "refused"}
@@ -64,7 +64,7 @@ def test_residuals_that_are_no_noise_are_refused():
     accepted = found.fixed.any(axis=(1, 2))
     assert not accepted[:50].any()
     assert accepted[50:].all()
-    reasons = {loss.reason: loss.count for loss in found.losses}
+    reasons = {loss.reason: loss.count for loss in found.unused}
     assert reasons == {"residuals of the array above chi-square at 0.0001": 50 * 35}
 
 
@@ -72,13 +72,13 @@ def test_search_that_runs_out_of_nodes_is_counted_and_not_fixed():
     made = make(np.random.default_rng(5), epochs=5, antennas_b_m=PAIR_B_M)
     found = Constrained(nodes=3)(made.differences, made.flight)
     assert not found.fixed.any()
-    assert [(loss.count, loss.reason) for loss in found.losses] == [
+    assert [(loss.count, loss.reason) for loss in found.unused] == [
         (25, "integer search given up before anything fitted")
     ]
     assert set(found.outcome) == {"float"}
     found = Constrained(nodes=900)(made.differences, made.flight)
     assert "integer search given up before its best was proven" in {
-        loss.reason for loss in found.losses
+        loss.reason for loss in found.unused
     }
 
 
@@ -89,7 +89,7 @@ def test_phase_without_code_is_counted_and_not_fixed():
     found = STATED(dataclasses.replace(made.differences, code_m=code_m), made.flight)
     assert not found.fixed[0, 2, 4:6].any()
     assert found.fixed.sum() == 47
-    assert [(loss.reason, loss.count) for loss in found.losses] == [("phase without code", 2)]
+    assert [(loss.reason, loss.count) for loss in found.unused] == [("phase without code", 2)]
 
 
 def test_epochs_without_links_stay_as_they_are():
@@ -98,7 +98,7 @@ def test_epochs_without_links_stay_as_they_are():
     assert not found.fixed.any()
     assert np.isnan(found.ratio).all()
     assert_array_equal(found.wrong_probability, 1.0)
-    assert found.losses == ()
+    assert found.unused == ()
     assert set(found.reasons) == {"no link with code and phase"}
 
 

@@ -26,7 +26,7 @@ def test_rounding_is_right_where_code_is_far_better_than_a_cycle():
     assert_array_equal(found.cycles, made.cycles)
     assert_array_equal(found.fixed, made.differences.resolvable)
     assert np.isnan(found.ratio).all()
-    assert found.losses == ()
+    assert found.unused == ()
 
 
 def test_integers_at_references_are_neither_fixed_nor_missing():
@@ -46,7 +46,7 @@ def test_phase_without_code_is_counted_and_not_fixed(resolver):
     found = resolver(without(made, code_m=code_m), made.flight)
     assert not found.fixed[0, 2, 4:6].any()
     assert (found.cycles[0, 2, 4:6] == 0).all()
-    assert [(loss.reason, loss.count) for loss in found.losses] == [("phase without code", 2)]
+    assert [(loss.reason, loss.count) for loss in found.unused] == [("phase without code", 2)]
 
 
 @pytest.mark.parametrize("joint", [True, False])
@@ -56,8 +56,8 @@ def test_every_link_of_lambda_is_fixed_or_counted(joint):
     made = make(rng, epochs=30, satellites=(5, 3), missing=missing)
     found = Lambda(joint=joint, ratio_min=3.0)(made.differences, made.flight)
     links = made.differences.resolvable
-    assert found.fixed.sum() + sum(loss.count for loss in found.losses) == links.sum()
-    reasons = " ".join(loss.reason for loss in found.losses)
+    assert found.fixed.sum() + sum(loss.count for loss in found.unused) == links.sum()
+    reasons = " ".join(loss.reason for loss in found.unused)
     assert "ratio below 3" in reasons
     if not joint:
         assert "too few satellites" in reasons
@@ -88,7 +88,7 @@ def test_vague_float_solution_is_given_up_and_counted(monkeypatch):
     made = make(np.random.default_rng(6))
     found = Lambda()(made.differences, made.flight)
     assert not found.fixed.any()
-    assert [(loss.count, loss.reason) for loss in found.losses] == [
+    assert [(loss.count, loss.reason) for loss in found.unused] == [
         (35, "integer search given up: float solution too vague")
     ]
 
@@ -128,7 +128,7 @@ def test_epochs_outside_truth_are_counted_and_not_fixed():
     )
     found = Truth()(made.differences, flight)
     assert_array_equal(found.fixed.any(axis=(1, 2)), [False, True, True, True, False])
-    assert [(loss.reason, loss.count) for loss in found.losses] == [
+    assert [(loss.reason, loss.count) for loss in found.unused] == [
         ("truth does not cover the epoch", 70)
     ]
 

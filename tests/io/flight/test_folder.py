@@ -70,7 +70,7 @@ def assert_same(got, want, where):
         for name in ("t_s", "antennas", "measured", "unstated", "heading_rad", "heading_sigma_rad"):
             assert_same(getattr(got, name), getattr(want, name), f"{where}.{name}")
     elif is_dataclass(want):
-        for name in (one.name for one in fields(want) if one.name != "losses"):
+        for name in (one.name for one in fields(want) if one.name != "unused"):
             assert_same(getattr(got, name), getattr(want, name), f"{where}.{name}")
     elif isinstance(want, tuple):
         assert len(got) == len(want), where
@@ -89,7 +89,7 @@ def assert_same(got, want, where):
 
 def test_every_field_comes_back_within_the_digits(saved):
     assert_same(saved[1], saved[0], "flight")
-    assert saved[1].losses == ()
+    assert saved[1].unused == ()
 
 
 def test_antenna_names_that_are_no_file_names_are_written(saved):
@@ -202,7 +202,7 @@ def copy(saved, tmp_path):
 def test_a_table_cut_between_rows_is_a_counted_loss(saved, copy):
     path = copy / "imu.csv"
     path.write_text("".join(path.read_text().splitlines(keepends=True)[:-2]))
-    (loss,) = set(load_flight(copy).losses) - set(saved[1].losses)
+    (loss,) = set(load_flight(copy).unused) - set(saved[1].unused)
     assert (loss.what, loss.count) == ("imu.csv row", 2)
     assert "the file may be cut" in loss.reason
 
@@ -211,7 +211,7 @@ def test_a_table_that_nothing_names_any_more_is_a_counted_loss(saved, copy):
     toml = copy / "flight.toml"
     head, _, _ = toml.read_text().partition("[truth]\n")  # the last table
     toml.write_text(head)
-    lost = {loss.what: loss for loss in set(load_flight(copy).losses) - set(saved[1].losses)}
+    lost = {loss.what: loss for loss in set(load_flight(copy).unused) - set(saved[1].unused)}
     assert sorted(lost) == ["integers.csv row", "truth.csv row"]
     assert lost["truth.csv row"].reason == "rows in flight.toml has it, no table names it"
 

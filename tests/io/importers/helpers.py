@@ -42,7 +42,7 @@ def whole_of(found, settings, folder=None):
         write(whole, folder, verify=False)
         return SimpleNamespace(
             flight=load_flight(folder),
-            losses=whole.losses,
+            unused=whole.unused,
             notes=whole.notes,
             missing=whole.missing,
         )

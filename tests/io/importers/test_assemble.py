@@ -62,7 +62,7 @@ def test_rows_that_no_flight_can_have_are_left_out(tmp_path):
     whole = whole_of([unit(tmp_path, t_s=t_s), places], Settings())
     assert len(whole.flight.imu.t_s) == 3
     assert len(whole.flight.fixes[0].t_s) == 4
-    assert {loss.reason: loss.count for loss in whole.losses} == {
+    assert {loss.reason: loss.count for loss in whole.unused} == {
         "its time does not increase (a)": 2,
         "a value is missing, or no instrument has it (a)": 1,
         "a value is missing, or no instrument has it (b)": 1,

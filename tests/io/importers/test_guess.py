@@ -120,5 +120,5 @@ def test_zeros_before_a_first_fix_are_no_place(tmp_path):
     settings = Settings(csv=(guessed(tmp_path / "a.csv"),))
     recording = cleaned(read_csv(tmp_path / "a.csv", settings, tmp_path))
     assert len(recording.tables["fixes"]["t_s"]) == 3
-    losses = {one.what: one.count for one in recording.losses}
-    assert losses == {"a.csv column satellites": 6, "fixes row": 3}
+    unused = {one.what: one.count for one in recording.unused}
+    assert unused == {"a.csv column satellites": 6, "fixes row": 3}

@@ -55,7 +55,7 @@ def test_every_value_comes_out_as_logged(tmp_path, name):
         np.testing.assert_allclose(flight.magnetometer.field_b_ut - logs.FIELD_UT, 0, atol=1e-5)
     if format_ != "rosbag":
         np.testing.assert_allclose(fixes.v_n_mps - logs.VELOCITY, 0, atol=1e-4)
-    lost = {loss.reason: loss.count for loss in whole.losses}
+    lost = {loss.reason: loss.count for loss in whole.unused}
     first = {"rosbag": "the receiver had none (status)"}.get(format_, NO_HEIGHT.get(name[:3]))
     assert lost == LOSSES[name] | ({} if "2014" in name else {first: 1})
 
@@ -80,7 +80,7 @@ def test_instruments_of_unstated_noise_and_messages_not_read_are_counted(tmp_pat
         place.write_bytes(place.read_bytes().replace(old, new))
     whole, flight = imported(tmp_path, format_, place)
     assert (flight.barometer, flight.magnetometer) == (None, None)
-    lost = {loss.what: loss.count for loss in whole.losses}
+    lost = {loss.what: loss.count for loss in whole.unused}
     count = 20 if name == "mcap" else 3
     names = {"ulg": "wehicle_magnetometer message", "BIN": "MGX message"}
     assert lost["barometer row"] == lost[names.get(name, "magnetometer row")] == count
@@ -112,7 +112,7 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
     (tmp_path / "log.BIN").write_bytes(content[:middle] + b"\0" * 50 + content[middle:])
     whole, flight = imported(tmp_path, "ardupilot", tmp_path / "log.BIN")
     assert len(flight.imu.t_s) == 100
-    lost = {loss.reason: loss.count for loss in whole.losses}
+    lost = {loss.reason: loss.count for loss in whole.unused}
     assert lost["in no message: the log is damaged there"] == 50
 
 

@@ -43,7 +43,7 @@ MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude
 
 
 @pytest.mark.parametrize(
-    ("text", "losses"),
+    ("text", "unused"),
     [
         (HEAD + ROW + ROW[:30] + "\n", {"a.pos row": 1, "a.pos columns Q, ns": 1}),
         ((HEAD + ROW).replace(" ", ";"), {"a.pos columns Q, ns": 1}),
@@ -53,10 +53,10 @@ MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude
         ("\ufeff" + HEAD + ROW.rstrip() + "\x1a", {"a.pos columns Q, ns": 1}),
     ],
 )
-def test_separators_minutes_and_cut_rows(tmp_path, text, losses):
+def test_separators_minutes_and_cut_rows(tmp_path, text, unused):
     (tmp_path / "a.pos").write_text(text)
     whole, flight = imported(tmp_path, "pos", tmp_path / "a.pos")
-    assert {one.what: one.count for one in whole.losses} == losses
+    assert {one.what: one.count for one in whole.unused} == unused
     assert flight.start_gps_s == 2374 * 604800 + 243258.5
     np.testing.assert_allclose(np.degrees(flight.origin.latitude_rad), 40, rtol=1e-12)
     np.testing.assert_allclose(np.degrees(flight.origin.longitude_rad), -4, rtol=1e-12)

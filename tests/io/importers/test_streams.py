@@ -25,7 +25,7 @@ def read(tmp_path, name, content, toml=None):
     content = content if isinstance(content, bytes) else content.encode()
     (tmp_path / f"a.{name}").write_bytes(content)
     whole, flight = imported(tmp_path, name, tmp_path / f"a.{name}", toml=toml)
-    return flight, {f"{one.what}: {one.reason}": one.count for one in whole.losses}, whole
+    return flight, {f"{one.what}: {one.reason}": one.count for one in whole.unused}, whole
 
 
 def decoded(tmp_path, name, content, settings=None):
@@ -64,7 +64,7 @@ def test_a_damaged_epoch_is_left_out_and_its_bytes_are_counted(tmp_path, name, l
     content[len(content) // 2 + 40] ^= 0xFF
     found, seen = decoded(tmp_path, name, bytes(content))
     assert len(seen.t_s) == 9
-    counts = {loss.what: loss.count for loss in found.losses}
+    counts = {loss.what: loss.count for loss in found.unused}
     assert counts == {"byte": lost} | ({"EndOfMeas message": 10} if name == "sbf" else {})
 
 
@@ -89,10 +89,10 @@ def test_only_what_is_damaged_lies_outside_messages(name):
 
 def test_raw_measurements_with_messages_go_before_a_solution(tmp_path, capsys):
     content = streams.raw_ubx() + streams.ubx()
-    flight, losses, _ = read(tmp_path, "ubx", content)
+    flight, unused, _ = read(tmp_path, "ubx", content)
     assert_fixes(flight)  # no broadcast messages in it
     text = "the receiver's solution is taken; solution = false in --settings takes it"
-    assert losses == {f"RXM-RAWX message: {text}": 10}
+    assert unused == {f"RXM-RAWX message: {text}": 10}
     (tmp_path / "brdc.nav").write_text(navigation_head() + message())
     (tmp_path / "s.toml").write_text("solution = false\n")
     files = [str(tmp_path / name) for name in ("a.ubx", "a.ubx", "brdc.nav")]
@@ -145,9 +145,9 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path, order):
     """A vector before the first date has the week of it."""
     pairs = ((streams.pvt(k), streams.relative(k))[::order] for k in range(EPOCHS))
     content = gga("235942.00").encode() + b"".join(one for pair in pairs for one in pair)
-    flight, losses, _ = read(tmp_path, "ubx", content)
+    flight, unused, _ = read(tmp_path, "ubx", content)
     assert_fixes(flight)
-    assert losses == {"place of nmea: ubx has it, too": 1}
+    assert unused == {"place of nmea: ubx has it, too": 1}
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035)
     (baseline,) = flight.baselines
     np.testing.assert_allclose(baseline.t_s, flight.fixes[0].t_s, atol=1e-6)
@@ -165,9 +165,9 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path, order):
     ],
 )
 def test_vectors_that_are_none_of_the_vehicle_are_counted(tmp_path, flags, reason):
-    flight, losses, _ = read(tmp_path, "ubx", streams.ubx(flags=flags))
+    flight, unused, _ = read(tmp_path, "ubx", streams.ubx(flags=flags))
     assert flight.baselines == ()
-    assert losses == {f"NAV-RELPOSNED message: {reason}": EPOCHS}
+    assert unused == {f"NAV-RELPOSNED message: {reason}": EPOCHS}
 
 
 @pytest.mark.parametrize(
@@ -179,31 +179,31 @@ def test_vectors_that_are_none_of_the_vehicle_are_counted(tmp_path, flags, reaso
     ],
 )
 def test_septentrio_and_novatel_give_fixes_sigmas_and_headings(tmp_path, name, make, unstated):
-    flight, losses, _ = read(tmp_path, name, make())
+    flight, unused, _ = read(tmp_path, name, make())
     assert_fixes(flight)
     assert_heading(flight)
     assert flight.fixes[0].unstated == unstated
     if name == "sbf":
         np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035, rtol=1e-6)
-    assert losses == {}
+    assert unused == {}
 
 
 def test_a_cut_file_is_read_to_its_last_whole_epoch(tmp_path):
     content = streams.sbf()
     last = len(content) * (EPOCHS - 1) // EPOCHS + int.from_bytes(content[6:8], "little")
-    flight, losses, _ = read(tmp_path, "sbf", content[: last + 30])  # a place is whole
+    flight, unused, _ = read(tmp_path, "sbf", content[: last + 30])  # a place is whole
     assert len(flight.fixes[0].t_s) == EPOCHS - 1
-    assert losses["fix: has no sigma_n_m, as most have"] == 1
+    assert unused["fix: has no sigma_n_m, as most have"] == 1
 
 
 def test_fixes_of_no_dimension_or_with_an_error_are_counted(tmp_path):
-    flight, losses, _ = read(tmp_path, "ubx", streams.pvt(0, fix_type=2) + streams.pvt(1))
+    flight, unused, _ = read(tmp_path, "ubx", streams.pvt(0, fix_type=2) + streams.pvt(1))
     assert len(flight.fixes[0].t_s) == 1
-    assert losses == {"NAV-PVT message: the receiver had no fix of three dimensions": 1}
+    assert unused == {"NAV-PVT message: the receiver had no fix of three dimensions": 1}
     (tmp_path / "sbf").mkdir()
-    flight, losses, _ = read(tmp_path / "sbf", "sbf", streams.sbf(error=1))
+    flight, unused, _ = read(tmp_path / "sbf", "sbf", streams.sbf(error=1))
     assert len(flight.fixes[0].t_s) == EPOCHS - 1
-    assert losses["PVTGeodetic message: no solution was computed"] == 1
+    assert unused["PVTGeodetic message: no solution was computed"] == 1
 
 
 def test_sentences_are_dated_across_midnight_with_sigmas_and_headings(tmp_path):
@@ -236,8 +236,8 @@ def test_what_is_no_fix_damaged_or_not_read_is_counted(tmp_path):
     texts = [*damaged, gga("115959.00", 0), gga("115959.50", 6), rmc("120000.00")]
     texts += [gga("120000.00"), sentence("GPGSV,1,1,00")]
     texts += [sentence("GNRMC,120001.00,A,4019.8,N,00352.8,W,fast,0.0,010124,,,R")]
-    _, losses, _ = read(tmp_path, "nmea", "".join(texts))
-    assert losses == {
+    _, unused, _ = read(tmp_path, "nmea", "".join(texts))
+    assert unused == {
         "byte: in no whole message: damaged, or of another format": sum(map(len, damaged)),
         "GGA message: the receiver had no fix": 1,
         "GGA message: dead reckoning": 1,

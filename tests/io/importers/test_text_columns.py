@@ -47,7 +47,7 @@ def test_columns_by_number_units_and_signs(tmp_path):
     np.testing.assert_allclose(flight.imu.t_s, [0, 0.01], atol=1e-9)
     np.testing.assert_allclose(flight.imu.f_b_mps2[0], [0.980665, 1.96133, 9.80665], rtol=1e-9)
     np.testing.assert_allclose(flight.imu.w_b_radps[0], [np.pi / 2, 0, -np.pi / 4], rtol=1e-9)
-    lost = {loss.reason: loss.count for loss in whole.losses}
+    lost = {loss.reason: loss.count for loss in whole.unused}
     assert lost == {
         "has another number of columns": 2,
         "a value is missing, or no instrument has it (imu.csv)": 1,
@@ -97,7 +97,7 @@ def test_one_file_of_two_tables_with_empty_cells(tmp_path):
     assert (len(flight.imu.t_s), len(flight.fixes[0].t_s)) == (3, 1)
     assert flight.start_gps_s == pytest.approx(1751000000.01 - 315964800 + 18, abs=1e-6)
     np.testing.assert_allclose(flight.imu.t_s, [-0.01, 0, 0.01], atol=1e-6)
-    assert {loss.what: loss.count for loss in whole.losses} == {"fixes row": 2}
+    assert {loss.what: loss.count for loss in whole.unused} == {"fixes row": 2}
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def outcome(text, original):
         got = scan(text)
     except BadInputError:
         return "error"
-    if got.losses != original.losses:
+    if got.unused != original.unused:
         return "loss"
     is_same = (got.satellites, got.signals) == (original.satellites, original.signals) and all(
         np.array_equal(getattr(got, name), getattr(original, name), equal_nan=True)
@@ -83,7 +83,7 @@ def test_foreign_character_anywhere_in_the_body_is_noticed_or_read_as_it_stands(
         if outcome(damaged, original) in ("error", "same"):
             continue
         got = scan(damaged)
-        if any(one.what == "a.rnx epoch" for one in got.losses):
+        if any(one.what == "a.rnx epoch" for one in got.unused):
             continue
         column = {pair: m for m, pair in enumerate(zip(got.satellites, got.signals, strict=True))}
         for (epoch, *pair), row in values_3(damaged).items():
@@ -114,4 +114,4 @@ def test_messages_that_are_damaged_anywhere_are_noticed_or_read_as_they_stand():
             got = read(damaged)
         except BadInputError:
             continue
-        assert got.losses or np.array_equal(got.records, original.records), damaged
+        assert got.unused or np.array_equal(got.records, original.records), damaged

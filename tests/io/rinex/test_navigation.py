@@ -44,7 +44,7 @@ def test_messages_that_are_not_used_are_counted(tmp_path):
     got = read(tmp_path, text + message("G05") + impossible)
     assert got.records["satellite"].tolist() == ["G05", "G07"]
     unused, wrong = "constellation not used", "of a number that is not used"
-    assert {(loss.what, loss.reason): loss.count for loss in got.losses} == {
+    assert {(loss.what, loss.reason): loss.count for loss in got.unused} == {
         ("GLONASS message", unused): 1,
         ("SBAS message", unused): 1,
         ("NavIC message", unused): 1,
@@ -64,8 +64,8 @@ def test_records_of_rinex_4_that_are_not_used_are_counted(tmp_path):
     text += f"    2020 06 25 00 00 00{words(1e-8, 2e-8, 3e-8)}\n    {words(0, 5e4, 6e4, 7e4)}\n"
     got = read(tmp_path, f"{text}    {words(8e4)}\n")
     assert got.records["satellite"].tolist() == ["G05"]
-    losses = {loss.what: loss.count for loss in got.losses}
-    assert losses == {"G CNAV message": 1, "STO record": 1, "ION record": 1}
+    unused = {loss.what: loss.count for loss in got.unused}
+    assert unused == {"G CNAV message": 1, "STO record": 1, "ION record": 1}
     np.testing.assert_allclose(got.klobuchar, [1e-8, 2e-8, 3e-8, 0, 5e4, 6e4, 7e4, 8e4], rtol=1e-12)
 
 
@@ -95,7 +95,7 @@ SHORT = "must have 8 lines, the first with its date, line {} first"
 def test_messages_that_are_not_whole_are_counted(tmp_path, text, rule, left):
     got = read(tmp_path, text)
     assert got.records["satellite"].tolist() == [left]
-    assert [(loss.reason, loss.count) for loss in got.losses] == [(rule, 1)]
+    assert [(loss.reason, loss.count) for loss in got.unused] == [(rule, 1)]
 
 
 def test_a_file_without_a_message_is_named(tmp_path):
@@ -136,7 +136,7 @@ def test_real_files_hold_as_many_messages_as_their_text(shared):
     text = paths[0].read_text()
     count = Counter(re.findall(r"^([GECJ])\d\d \d{4}", text, re.MULTILINE))
     assert Counter(name[0] for name in got.records["satellite"].tolist()) == count
-    assert not got.losses
+    assert not got.unused
     assert set(got.records["data_source"][np.char.startswith(got.records["satellite"], "E")]) == {
         258,
         517,
@@ -158,10 +158,10 @@ def test_real_rinex_4_file_is_sorted_by_type(shared):
     heads = re.findall(r"^> (\w+) ([A-Z])(\d\d) (\w+)", text, re.MULTILINE)
     wanted = [h for h in heads if h[0] == "EPH" and h[3] in ("LNAV", "INAV", "FNAV", "D1", "D2")]
     wanted = [h for h in wanted if h[1] in "GECJ" and int(h[2]) <= 46]
-    assert len(got.records) + sum(x.count for x in got.losses if x.reason == "repeated") == len(
+    assert len(got.records) + sum(x.count for x in got.unused if x.reason == "repeated") == len(
         wanted
     )
-    losses = {loss.what: loss.count for loss in got.losses}
-    assert losses["G CNAV message"] == 334
-    assert sum(losses.values()) + len(got.records) == text.count("\n> ")
+    unused = {loss.what: loss.count for loss in got.unused}
+    assert unused["G CNAV message"] == 334
+    assert sum(unused.values()) + len(got.records) == text.count("\n> ")
     assert np.abs(got.records["toe_s"] - 43_200).max() < 2 * 86_400

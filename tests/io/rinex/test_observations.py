@@ -36,7 +36,7 @@ def read(text, start_gps_s=START_GPS_S, wanted=None):
 
 
 def lost(got):
-    return {f"{one.what}: {one.reason}": one.count for one in got.losses}
+    return {f"{one.what}: {one.reason}": one.count for one in got.unused}
 
 
 def assert_as_it_stands(got, text):
@@ -72,7 +72,7 @@ def test_every_version_of_rinex_3_and_4_is_read_as_it_stands(version):
     assert got.signals == ("2I", "1X", "5X", "1C", "2W", "5Q", "1C", "2W", "5Q", "1C")
     assert_as_it_stands(got, GOOD)
     assert got.lock_flags[1, 0, 3] == LOST_LOCK
-    assert got.losses == ()
+    assert got.unused == ()
 
 
 def test_real_1_hz_file_is_read_as_it_stands(shared):
@@ -88,7 +88,7 @@ def test_real_1_hz_file_is_read_as_it_stands(shared):
     glonass = {name for name in got.satellites if name[0] == "R"}
     records = sum(tracked[:, of == name].any(axis=1).sum() for name in glonass)
     assert records == 7714  # grep -c ^R of the plain file, less the header
-    assert {one.what: one.count for one in got.losses}["SBAS observation"] == 900
+    assert {one.what: one.count for one in got.unused}["SBAS observation"] == 900
 
 
 def test_dates_agree_with_the_calendar():
@@ -149,8 +149,8 @@ def test_wanted_signals_are_kept_and_no_others():
     pairs = set(zip(got.satellites, got.signals, strict=True))
     assert pairs == {("G05", "2W"), ("G12", "2W"), ("E07", "5X")}
     assert_as_it_stands(got, GOOD)
-    losses = {one.what: one.count for one in got.losses}
-    assert (losses["G 1C observation"], losses["C59 observation"]) == (8, 4)
+    unused = {one.what: one.count for one in got.unused}
+    assert (unused["G 1C observation"], unused["C59 observation"]) == (8, 4)
 
 
 def test_a_signal_that_no_file_has_is_refused(tmp_path):
@@ -189,8 +189,8 @@ def test_rinex_2_names_signals_by_constellation_and_code():
     phases = {("G01", "1C"): "L1", ("G01", "2W"): "L2", ("G01", "5X"): "L5", ("G03", "1W"): "L1"}
     phases |= {("G03", "2X"): "L2", **{("E02", f"{k}X"): f"L{k}" for k in (1, 5, 7)}}
     assert named("phase_cycles") == {pair: place[name] for pair, name in phases.items()}
-    losses = {one.what: one.count for one in got.losses}
-    assert losses == {"E 8X observation": 1, "G 7 observation": 2, "G 8 observation": 2}
+    unused = {one.what: one.count for one in got.unused}
+    assert unused == {"E 8X observation": 1, "G 7 observation": 2, "G 8 observation": 2}
 
 
 LATE = {"> 2020": ">  2020", "\n 20  6 25": "\n  20  6 25"}  # dates a column late
@@ -210,10 +210,10 @@ def test_spelling_changes_nothing(text, spelling):
 @pytest.mark.parametrize("end", ["\n", "  \n\n", "\x1a", "\r\n\x1a\r\n", "\0" * 100])
 def test_what_follows_the_last_line_changes_nothing(text, end):
     same(read(text + end), read(text))
-    assert read(text + end).losses == ()
+    assert read(text + end).unused == ()
     unended = read(text.rstrip())
     same(unended, read(text))
-    assert [one.reason for one in unended.losses] == [
+    assert [one.reason for one in unended.unused] == [
         "the last line has no line end: it may be cut"
     ]
 
@@ -221,7 +221,7 @@ def test_what_follows_the_last_line_changes_nothing(text, end):
 def test_a_blank_line_may_be_the_last_of_a_satellite():
     last = TWO.splitlines(keepends=True)[-1]
     got = read(TWO[: -len(last)] + "\n")
-    assert (len(got.t_s), got.losses) == (3, ())
+    assert (len(got.t_s), got.unused) == (3, ())
     assert np.isnan(got.cn0_dbhz[2, 0, got.satellites.index("G14")])
 
 

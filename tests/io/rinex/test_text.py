@@ -64,6 +64,6 @@ def test_a_cut_hatanaka_file_is_read_to_its_last_whole_epoch(tmp_path, made):
         path.write_bytes(cut)
         (got,) = read_rinex([], [path], 1_277_078_400.0)[1]
         np.testing.assert_array_equal(got.code_m, want.code_m[:-1])
-        (loss,) = got.losses
+        (loss,) = got.unused
         assert (loss.what, loss.count) == ("a.crx epoch", 1)
         assert loss.reason.startswith("cut at the end of the file")

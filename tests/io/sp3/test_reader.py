@@ -45,11 +45,11 @@ def test_written_orbits_are_read_back_within_the_digits(tmp_path):
     np.testing.assert_allclose(got.t_s, want.t_s, rtol=0, atol=1e-6)
     np.testing.assert_allclose(got.p_e_m, want.p_e_m, rtol=0, atol=0.6 * MM)
     np.testing.assert_allclose(got.clock_s, want.clock_s, rtol=0, atol=0.6 * PS)
-    assert not got.losses
+    assert not got.unused
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "later_s", "losses"),
+    ("old", "new", "later_s", "unused"),
     [
         ("cc GPS", "cc BDT", 14, {}),
         ("cc GPS", "cc UTC", 18, {}),
@@ -58,7 +58,7 @@ def test_written_orbits_are_read_back_within_the_digits(tmp_path):
     ],
 )
 def test_time_scales_versions_velocities_and_other_satellites(
-    tmp_path, text, old, new, later_s, losses
+    tmp_path, text, old, new, later_s, unused
 ):
     lines = []
     for line in text.replace(old, new).replace("#d", "#c").splitlines(keepends=True):
@@ -66,8 +66,8 @@ def test_time_scales_versions_velocities_and_other_satellites(
     (tmp_path / "a.sp3.gz").write_bytes(gzip.compress("".join(lines).encode()))
     got = read_precise([tmp_path / "a.sp3.gz"], START_GPS_S)
     np.testing.assert_allclose(got.t_s, np.array([0, 300, 600]) + later_s, atol=1e-6)
-    assert got.satellites == (() if losses else ("C11",)) + ("E07", "G05")
-    assert {loss.what: loss.count for loss in got.losses} == losses | {"SP3 velocity": 9}
+    assert got.satellites == (() if unused else ("C11",)) + ("E07", "G05")
+    assert {loss.what: loss.count for loss in got.unused} == unused | {"SP3 velocity": 9}
 
 
 def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
@@ -79,7 +79,7 @@ def test_two_days_are_joined_and_shared_epochs_counted(tmp_path):
     assert got.satellites == ("C11", "E07", "G05", "J01", "J02")
     assert np.isnan(got.p_e_m[3, 0]).all()
     np.testing.assert_allclose(got.p_e_m[2, 2], orbits().p_e_m[2, 2], atol=0.6 * MM)
-    assert [(loss.what, loss.count) for loss in got.losses] == [("2.sp3 epoch", 1)]
+    assert [(loss.what, loss.count) for loss in got.unused] == [("2.sp3 epoch", 1)]
 
 
 @pytest.mark.parametrize("letter", "ab")
@@ -122,7 +122,7 @@ EOF = "a.sp3 EOF: is missing: the file may be cut"
 def test_what_is_not_whole_is_counted(tmp_path, text, damage, epochs, lost):
     got = read(tmp_path, damage(text))
     assert len(got.t_s) == epochs
-    assert {f"{one.what}: {one.reason}": one.count for one in got.losses} == lost
+    assert {f"{one.what}: {one.reason}": one.count for one in got.unused} == lost
 
 
 @pytest.mark.parametrize(

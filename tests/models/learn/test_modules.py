@@ -30,8 +30,8 @@ def airspeed(flight, module=None, **more):
 
 @pytest.mark.parametrize("method", [Smoother, Batch, Forward])
 def test_a_live_module_is_a_factor_of_every_method(flight, method):
-    without = method(noise="stated", factors=())(flight)
-    estimate = method(noise="stated", factors=(airspeed(flight),))(flight)
+    without = method(noise="nominal", factors=())(flight)
+    estimate = method(noise="nominal", factors=(airspeed(flight),))(flight)
     assert estimate.converged
     assert any(one.what == "Airspeed" for one in estimate.consistency)
     assert estimate.sigma_deg[-1, 2] < without.sigma_deg[-1, 2] / 5
@@ -42,7 +42,7 @@ def test_an_exported_module_makes_the_same_factors(flight, tmp_path, form):
     module = Airspeed(6 if form == "cholesky" else 3).float()
     if form == 0.7:
         module = torch.nn.Sequential(torch.nn.Flatten(), torch.nn.Linear(9, 3))
-    problem = Batch(noise="stated").prepare(flight).problem
+    problem = Batch(noise="nominal").prepare(flight).problem
     live = airspeed(flight, module, covariance=form, name="airspeed")
     manifest = learn.export(live, tmp_path)
     stored = NeuralFactor(manifest, records={"wind": wind(flight, 2)})
@@ -54,7 +54,7 @@ def test_an_exported_module_makes_the_same_factors(flight, tmp_path, form):
 
 def test_what_it_learns_later_it_says_at_once(flight):
     module = Airspeed().float()
-    source, problem = airspeed(flight, module), Batch(noise="stated").prepare(flight).problem
+    source, problem = airspeed(flight, module), Batch(noise="nominal").prepare(flight).problem
     before = linearised(source, flight, problem)
     with torch.no_grad():
         module.uncertain.bias += 1.0

@@ -108,7 +108,7 @@ def test_lock_is_lost_as_often_and_as_long_as_asked_and_its_end_is_announced():
     before, after = calm.observations.tracked, losing.observations.tracked
     assert (before | ~after).all()
     share = 1 - after.sum() / before.sum()
-    assert share == pytest.approx(60.0 / 3600 * 2.0, rel=0.4)  # some 100 losses
+    assert share == pytest.approx(60.0 / 3600 * 2.0, rel=0.4)  # some 100 losses of lock
     back = after[1:] & ~after[:-1] & before[:-1]
     assert back.sum() > 50
     flags = losing.observations.lock_flags[1:]

@@ -35,7 +35,7 @@ def test_the_reconstruction_returns_the_true_line_of_sight():
     sensor = PhotodetectorTable(landmark=BEACON, range_m=1e4, line_of_sight_noise_rad=1e-12)
     seen = line_of_sight(watch(sensor, TOWARD, rng=np.random.default_rng(1)))
     assert len(seen.t_s) == 200
-    assert not seen.losses
+    assert not seen.unused
     error = seen.e_b - true_direction_b(sensor, TOWARD, seen.t_s)
     assert np.abs(error).max() < 1e-10  # rad
 
@@ -105,7 +105,7 @@ def test_with_optics_the_direction_is_as_good_as_the_light_is_strong():
         sensor = ahead(distance_deg, optics=optics)
         photodetector = watch(sensor, STILL, rng=np.random.default_rng(1))
         seen = line_of_sight(photodetector)
-        assert not seen.losses
+        assert not seen.unused
         error = seen.e_b - true_direction_b(sensor, STILL, seen.t_s)
         quarter_a = photodetector.currents.mean()
         per_logarithm = slope * sensor.detector_radius_m / sensor.focal_length_m
@@ -116,9 +116,9 @@ def test_with_optics_the_direction_is_as_good_as_the_light_is_strong():
 def test_a_beacon_too_faint_reads_zero_and_is_a_gap():
     photodetector = watch(ahead(0.3, optics=OpticsTable()), STILL, rng=np.random.default_rng(1))
     assert (photodetector.currents.min(axis=1) == 0).mean() > 0.9
-    losses = {loss.reason: loss.count for loss in line_of_sight(photodetector).losses}
+    unused = {loss.reason: loss.count for loss in line_of_sight(photodetector).unused}
     zero = (photodetector.currents.min(axis=1) == 0).sum()
-    assert losses["a current is zero or below"] == zero
+    assert unused["a current is zero or below"] == zero
 
 
 def test_near_the_rim_a_large_spot_loses_light_but_not_direction():
@@ -160,10 +160,10 @@ def test_currents_saturate_near_the_beacon_and_are_counted():
     cut = (flight.photodetector.currents == 1e-7).any(axis=1)
     assert 0 < cut.sum() < len(cut)
     assert (np.diff(cut.astype(int)) >= 0).mean() > 0.99  # far first, near last
-    assert [(loss.what, loss.count) for loss in flight.losses] == [
+    assert [(loss.what, loss.count) for loss in flight.unused] == [
         ("photodetector sample", cut.sum())
     ]
-    assert flight.losses[0].reason == "a current saturated at 1e-07 A"
+    assert flight.unused[0].reason == "a current saturated at 1e-07 A"
     assert saturated(ahead(0.03), flight.photodetector) == ()
 
 
@@ -178,6 +178,6 @@ def test_a_quadrant_in_the_dark_is_a_gap(optics):
     assert np.array_equal(photodetector.currents[~dark], clear.currents[~dark])
     seen = line_of_sight(photodetector)
     assert np.array_equal(seen.t_s, photodetector.t_s[~dark])
-    assert [(loss.reason, loss.count) for loss in seen.losses] == [
+    assert [(loss.reason, loss.count) for loss in seen.unused] == [
         ("a current is zero or below", 2000)
     ]

@@ -136,9 +136,9 @@ def test_samples_beyond_the_range_are_cut_and_counted():
     free = Scenario(duration_s=10.0, motion=SWING, imu=ImuTable(**GYROSCOPE))
     uncut = simulate(free, np.random.default_rng(1)).imu
     assert np.array_equal(np.clip(uncut.f_b_mps2, -9.0, 9.0), flight.imu.f_b_mps2)
-    losses = {loss.what: loss for loss in flight.losses}
+    unused = {loss.what: loss for loss in flight.unused}
     beyond = int((np.abs(uncut.f_b_mps2) >= 9.0).any(axis=1).sum())
-    assert losses["accelerometer sample"].count == beyond > 0
-    assert losses["accelerometer sample"].reason == "saturated at 9 m/s2"
-    assert losses["gyroscope sample"].count > 0
+    assert unused["accelerometer sample"].count == beyond > 0
+    assert unused["accelerometer sample"].reason == "saturated at 9 m/s2"
+    assert unused["gyroscope sample"].count > 0
     assert saturated(ImuTable(accelerometer_range_mps2=1e3), uncut) == ()

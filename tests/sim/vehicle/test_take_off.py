@@ -175,8 +175,8 @@ def test_a_flight_that_meets_the_ground_ends_there_and_says_so() -> None:
     fall_s = np.sqrt(2 * 100.0 / 9.8)
     assert flight.truth.t_s[-1] == pytest.approx(fall_s, abs=0.11)
     assert flight.imu.t_s[-1] == pytest.approx(fall_s, abs=0.03)
-    assert [loss.what for loss in flight.losses] == ["landing"]
-    assert "the body met the ground after 4.5" in flight.losses[0].reason
+    assert [loss.what for loss in flight.unused] == ["landing"]
+    assert "the body met the ground after 4.5" in flight.unused[0].reason
 
 
 def test_gusts_are_the_seeds_and_their_end_is_said() -> None:

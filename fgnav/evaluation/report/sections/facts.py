@@ -19,7 +19,7 @@ _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxrunt
 
 
 def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
-    """Return gaps of the answers, measurements left out or mended, and losses, with reasons."""
+    """Return gaps of the answers, measurements left out or mended, and unused, with reasons."""
     gaps = [
         [method.name, f"{a:.2f}", f"{b:.2f}", f"{b - a:.2f}"]
         for method in methods
@@ -33,18 +33,18 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
     ]
     lost = [
         [of, loss.what, str(loss.count), loss.reason]
-        for of, losses in {
-            "flight": flight.losses,
-            **{m.name: m.score.losses for m in methods},
+        for of, unused in {
+            "flight": flight.unused,
+            **{m.name: m.score.unused for m in methods},
         }.items()
-        for loss in sorted(losses, key=lambda one: -one.count)
+        for loss in sorted(unused, key=lambda one: -one.count)
     ]
     by_link = ["method", "measurement", "link", "from, s", "until, s", "reason"]
-    losses = table(["of", "what", "times", "reason"], lost, "measured and not used", _MOST)
+    unused = table(["of", "what", "times", "reason"], lost, "measured and not used", _MOST)
     return (
         table(["method", "answer until, s", "again from, s", "length, s"], gaps, "gaps", _MOST)
         + table(by_link, excluded, "contradicted the rest: mended or left out", _MOST)
-        + folded(f"{len(lost)} kinds of losses", losses)
+        + folded(f"{len(lost)} kinds of unused measurements", unused)
     ) or paragraph("No gap, no exclusion, no loss.")
 
 
@@ -62,7 +62,7 @@ def constants_table(methods: Sequence[Method]) -> Blocks:
         [method.name, one.name, axis, f"{value:.6g}", f"{sigma:.3g}", one.unit]
         for method in methods
         if method.estimate is not None
-        for one in method.estimate.constants
+        for one in method.estimate.calibration
         for axis, value, sigma in zip(
             one.axes, one.value.tolist(), np.sqrt(np.diag(one.covariance)).tolist(), strict=True
         )

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, losses_of
+from fgnav.checks import BadInputError, FloatArray, unused_of
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples
 from fgnav.io.gps_time import WEEK_S
@@ -78,7 +78,7 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
         tables=tables,
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
-        losses=losses_of(counts),
+        unused=unused_of(counts),
         notes={"fixes": above_sea} if "fixes" in tables and not has_undulation else {},
     )
 

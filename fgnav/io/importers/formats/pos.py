@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, Loss
+from fgnav.checks import BadInputError, FloatArray, Unused
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import vectors
@@ -65,7 +65,7 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
             sigma_mps = np.maximum(_taken(path, columns, _VELOCITY_SIGMA), _LEAST_SIGMA)
             fixes |= vectors(col.VELOCITY_SIGMA, sigma_mps)
     start_s = float(np.floor(gps_s[0] * 1e3) / 1e3)
-    cut = Loss(
+    cut = Unused(
         what=f"{path.name} row",
         reason="has another number of columns: the file is cut or of mixed formats",
         count=len(rows) - len(complete),
@@ -74,7 +74,7 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         source=path,
         tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
         gps_start_s=start_s,
-        losses=(cut, unused_columns(path, list(columns), len(complete), "the flight has none")),
+        unused=(cut, unused_columns(path, list(columns), len(complete), "the flight has none")),
     )
 
 

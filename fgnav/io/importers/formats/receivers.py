@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-from fgnav.checks import BadInputError, losses_of
+from fgnav.checks import BadInputError, unused_of
 from fgnav.io.flight.columns import Samples
 from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.importers.formats.readers import foreign
@@ -88,7 +88,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         baseline_ends_at_fixes=solution.has_vectors,
         observations=observations[:1],
         navigation=observations[1:],
-        losses=losses_of(counts),
+        unused=unused_of(counts),
         notes={"fixes": "heights are above the sea: no undulation"} if solution.above_sea else {},
         missing=_MISSING if observations else {},
     )

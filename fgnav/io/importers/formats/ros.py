@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, losses_of
+from fgnav.checks import BadInputError, FloatArray, unused_of
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
@@ -93,7 +93,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     first_s = min((float(x[0, 0]) for x in rows.values()), default=0.0)
     start_s = float(gps_of_utc(np.array([first_s]))[0])
     tables = {kind: _table(kind, x, first_s, counts) for kind, x in rows.items()}
-    return Recording(source=path, tables=tables, gps_start_s=start_s, losses=losses_of(counts))
+    return Recording(source=path, tables=tables, gps_start_s=start_s, unused=unused_of(counts))
 
 
 def _chosen(

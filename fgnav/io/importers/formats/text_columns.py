@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, losses_of, quoted
+from fgnav.checks import BadInputError, FloatArray, quoted, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
 from fgnav.io.flight.local_frame import place_of_n
@@ -56,10 +56,10 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
     tables, counts = dict[str, Samples](), Counter[tuple[str, str]]()
-    clocks, unused = list[tuple[Clock, float]](), list[list[str]]()
+    clocks, unnamed = list[tuple[Clock, float]](), list[list[str]]()
     for table in described:
         cells, others, cut = _cells(path, table)
-        unused.append(others)
+        unnamed.append(others)
         counts[f"{path.name} line", "has another number of columns"] = cut
         clock, start_s, samples = _samples(path, table, cells)
         clocks.append((clock, start_s))
@@ -70,15 +70,15 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
             missing |= {} if settings.origin else {"origin": _LOCAL}
         tables[table.table] = {**samples, "t_s": samples["t_s"] + (start_s - clocks[0][1])}
         missing |= _unconfirmed(path, table)
-    names = [name for name in unused[0] if all(name in others for others in unused)]
+    names = [name for name in unnamed[0] if all(name in others for others in unnamed)]
     count = max(len(rows["t_s"]) for rows in tables.values())
-    losses = (*losses_of(counts), unused_columns(path, names, count, "no [[csv]] names them"))
+    unused = (*unused_of(counts), unused_columns(path, names, count, "no [[csv]] names them"))
     return Recording(
         source=path,
         tables=tables,
         clock=clocks[0][0],
         gps_start_s=clocks[0][1],
-        losses=losses,
+        unused=unused,
         missing=missing,
     )
 
@@ -166,8 +166,8 @@ def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str
     cut = sum(0 < len(row) != width for row in rows)
     cells = np.array(complete, dtype=np.str_)
     names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
-    unused = [name for k, name in enumerate(names) if k not in places]
-    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unused, cut
+    unnamed = [name for k, name in enumerate(names) if k not in places]
+    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unnamed, cut
 
 
 def usual_width(rows: Sequence[Sequence[str]]) -> int:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.checks import losses_of
+from fgnav.checks import unused_of
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples, vectors
@@ -93,7 +93,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
         baseline_ends_at_fixes=True,  # as u-blox's
-        losses=losses_of(counts),
+        unused=unused_of(counts),
         truth_source="filter" if "truth" in tables else None,
         notes={"truth": "the on-board filter's estimate, not truth"} if "truth" in tables else {},
     )

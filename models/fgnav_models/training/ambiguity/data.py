@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 import torch
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Loss
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.io.strict_toml import Positive, Table
 from fgnav_models.features import (
     Input,
@@ -56,7 +56,7 @@ class Samples:
     run: IntArray
     first: IntArray
     satellites: int  # slots: what has fewer is padded
-    losses: tuple[Loss, ...] = ()  # differences outside of what the networks can answer
+    unused: tuple[Unused, ...] = ()  # differences outside of what the networks can answer
 
 
 def draw(
@@ -95,10 +95,10 @@ def draw(
     run = row // length
     outside = np.abs(joined["cycles"]) > N_MAX
     is_present = joined["is_present"] & ~outside
-    losses: tuple[Loss, ...] = ()
+    unused: tuple[Unused, ...] = ()
     if outside.any():
         reason = f"the integer is beyond {N_MAX}, which no network can answer"
-        losses = (Loss(what="double difference", reason=reason, count=int(outside.sum())),)
+        unused = (Unused(what="double difference", reason=reason, count=int(outside.sum())),)
     return Samples(
         features=joined["features"],
         cycles=np.where(is_present, joined["cycles"], 0),
@@ -108,7 +108,7 @@ def draw(
         run=run,
         first=run * length,
         satellites=joined["e_n"].shape[1],
-        losses=losses,
+        unused=unused,
     )
 
 
@@ -159,7 +159,7 @@ class Parts:
     train: IntArray
     validation: IntArray
     test: IntArray
-    losses: tuple[Loss, ...]
+    unused: tuple[Unused, ...]
 
 
 def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Generator) -> Parts:
@@ -182,8 +182,8 @@ def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Genera
     row = np.arange(len(part))
     early = row - samples.first < window - 1
     across = ~early & (part[np.maximum(row - window + 1, 0)] != part)
-    losses = [
-        Loss(what="epoch", reason=reason, count=int(wrong.sum()))
+    unused = [
+        Unused(what="epoch", reason=reason, count=int(wrong.sum()))
         for reason, wrong in (
             ("its run and its block of time are in different parts", part == NOWHERE),
             (
@@ -202,7 +202,7 @@ def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Genera
             raise BadInputError(
                 f"data: no epoch is left for {name}; draw more epochs, or shorter blocks"
             )
-    return Parts(train=rows[0], validation=rows[1], test=rows[2], losses=tuple(losses))
+    return Parts(train=rows[0], validation=rows[1], test=rows[2], unused=tuple(unused))
 
 
 def _dealt(count: int, shares: tuple[float, float, float], rng: np.random.Generator) -> IntArray:

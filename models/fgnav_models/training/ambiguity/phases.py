@@ -115,7 +115,7 @@ class Findings:
     final_baselines: dict[str, Figures]
     ensembles: dict[str, Ensemble]  # by task
     group: IntArray  # test rows of phase 4: a change is a gap in time
-    losses: list[str]  # epochs and differences that were drawn and not used
+    unused: list[str]  # epochs and differences that were drawn and not used
 
 
 def find(campaign: Campaign, order: Order) -> Findings:
@@ -145,7 +145,7 @@ def find(campaign: Campaign, order: Order) -> Findings:
         for task, experiment in chosen.items()
     }
     of_bench = bench.parts(window)
-    losses = [*samples.losses, *of_bench.losses]
+    unused = [*samples.unused, *of_bench.unused]
     return Findings(
         campaign=campaign,
         results=bench.results,
@@ -154,7 +154,7 @@ def find(campaign: Campaign, order: Order) -> Findings:
         final_baselines=of_baselines(samples, parts.train, parts.test),
         ensembles=ensembles,
         group=np.cumsum(np.diff(parts.test, prepend=parts.test[0]) > 1),
-        losses=[f"{loss.count} × {loss.what} not used: {loss.reason}" for loss in losses],
+        unused=[f"{loss.count} × {loss.what} not used: {loss.reason}" for loss in unused],
     )
 
 

@@ -115,7 +115,7 @@ def _summary(findings: Findings, order: Order) -> list[str]:
         "chosen on validation rows; every figure below is of test rows.",
         "What needs no network, on the benchmark's double difference:",
         markdown_table(("answer", "right, %", "all differences of an epoch right, %"), rows),
-        *findings.losses,
+        *findings.unused,
     ]
 
 

@@ -84,7 +84,7 @@ def test_fins_give_straight_flights_a_heading_and_its_sigma(method):
 
 def test_without_fins_the_heading_of_a_straight_flight_is_said_to_be_open():
     for seed in range(2):
-        assert "heading" in Batch(noise="stated")(straight(seed, 8.0)).unobservable
+        assert "heading" in Batch(noise="nominal")(straight(seed, 8.0)).unobservable
 
 
 @pytest.mark.parametrize("name", ["rocket", "glider"])

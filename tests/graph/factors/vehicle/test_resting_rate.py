@@ -52,7 +52,7 @@ def test_sigmas_of_a_filter_depend_on_nothing_later(car):
 
 
 @pytest.mark.parametrize(
-    "method", [Forward(noise="stated"), Smoother(noise="stated")], ids=lambda m: m.name
+    "method", [Forward(noise="nominal"), Smoother(noise="nominal")], ids=lambda m: m.name
 )
 def test_the_bias_about_the_vertical_is_known_while_nothing_tells_the_heading(car, method):
     """Without wheels it may as well turn: then only motion tells."""

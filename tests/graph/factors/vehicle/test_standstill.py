@@ -26,7 +26,7 @@ def lost():
 
 @pytest.mark.parametrize("method", [Smoother(), Forward(), Batch()], ids=lambda m: m.name)
 def test_a_stop_without_gnss_bounds_the_velocity(lost, method):
-    method, truth = replace(method, noise="stated"), lost.truth
+    method, truth = replace(method, noise="nominal"), lost.truth
     rms_mps, squares = {}, {}
     for asked in (False, True):
         found = method(replace(lost, standstill=asked))
@@ -45,7 +45,7 @@ def test_a_stop_without_gnss_bounds_the_velocity(lost, method):
 
 def test_a_stream_stands_as_the_filter_does():
     flight, end_s = stops(1), 8.0
-    method, part = Forward(noise="stated"), truncated(flight, end_s)
+    method, part = Forward(noise="nominal"), truncated(flight, end_s)
     assert any(one.name == NAME for one in method.prepare(part).problem.sensors)
     assert_joined(ObservationStream.replay(part, method), method(part))
 

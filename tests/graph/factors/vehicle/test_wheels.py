@@ -53,7 +53,7 @@ def drive():
 
 @pytest.mark.parametrize("method", [Smoother(), Forward(), Batch()], ids=lambda m: m.name)
 def test_wheels_hold_a_car_that_loses_gnss(drive, method):
-    method = replace(method, noise="stated")
+    method = replace(method, noise="nominal")
     rms = {}
     for name, vehicle in (("free", None), ("wheels", WheeledVehicle())):
         found = method(replace(drive, vehicle=vehicle))

@@ -76,8 +76,8 @@ def test_integers_no_network_can_answer_are_counted():
     long = GivenArray(antennas_b_m=((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)))
     world = World(array=long, noise=QUIET.noise)
     samples = drawn(world)
-    assert samples.losses[0].count == (~samples.is_present).sum() > 0
-    assert "beyond 16" in samples.losses[0].reason
+    assert samples.unused[0].count == (~samples.is_present).sum() > 0
+    assert "beyond 16" in samples.unused[0].reason
 
 
 def test_several_signals_are_refused():
@@ -102,7 +102,7 @@ def test_parts_share_no_block_of_time_and_no_run(window):
                 set(np.floor(samples.t_s[some - back] / 3600.0))
                 <= hours[[r is some for r in rows].index(True)]
             )
-    lost = {loss.reason: loss.count for loss in parts.losses}
+    lost = {loss.reason: loss.count for loss in parts.unused}
     assert sum(lost.values()) + sum(map(len, rows)) == len(samples.t_s)
 
 
@@ -113,7 +113,7 @@ def test_a_split_by_simulation_shares_all_of_the_time():
     assert not set(samples.run[parts.train]) & set(samples.run[parts.test])
     assert set(samples.t_s[parts.test]) <= set(samples.t_s[parts.train])
     assert len(parts.train) == 14 * 96
-    assert not parts.losses
+    assert not parts.unused
 
 
 def test_short_runs_go_with_their_block_and_nothing_is_lost():
@@ -123,7 +123,7 @@ def test_short_runs_go_with_their_block_and_nothing_is_lost():
         **{name: getattr(samples, name) for name in Samples.__slots__} | {"t_s": one_hour}
     )
     parts = parts_of(samples, Data(epochs=1), 1, rng=np.random.default_rng(3))
-    assert not parts.losses
+    assert not parts.unused
     assert len(parts.train) == pytest.approx(0.7 * 1920, rel=0.05, abs=0)
 
 

@@ -65,14 +65,14 @@ def test_a_network_learns_through_the_smoother_how_sure_it_is():
 
         def loss(optimiser=optimiser, log_sigma=log_sigma):
             covariance = torch.exp(2 * log_sigma) * torch.eye(2, dtype=torch.float64)
-            losses = [
+            unused = [
                 negative_log_likelihood(
                     flight, row, jacobian, -torch.from_numpy(z), covariance.expand(len(row), 2, 2)
                 )
                 for (flight, row, jacobian, _), z in zip(flights, answers, strict=True)
             ]
             optimiser.zero_grad()
-            mean = torch.stack(losses).mean()
+            mean = torch.stack(unused).mean()
             mean.backward()
             return mean
 
@@ -89,7 +89,7 @@ def flight():
 
 
 def test_a_flight_is_linearised_at_the_batch_and_judged_by_its_truth(flight):
-    method = Batch(gravity=LowDynamics(), noise="stated")
+    method = Batch(gravity=LowDynamics(), noise="nominal")
     found = training_flight(flight, method, without="gravity")
     estimate = method(flight)
     np.testing.assert_allclose(found.states.R_nb, estimate.R_nb, rtol=0, atol=1e-3)
@@ -104,7 +104,7 @@ def test_a_flight_is_linearised_at_the_batch_and_judged_by_its_truth(flight):
 
 
 def test_a_flight_that_cannot_be_learned_from_is_refused(flight):
-    method = Batch(noise="stated")
+    method = Batch(noise="nominal")
     with pytest.raises(BadInputError, match="training needs its truth"):
         training_flight(dataclasses.replace(flight, truth=None), method)
     imu = dataclasses.replace(flight.imu, position_b_m=np.array([0.1, 0.0, 0.0]))

@@ -79,7 +79,7 @@ def test_the_installed_factor_answers_a_flight_of_its_world():
     made = NeuralFactor(manifest("velocity"))(flight, timeline)
     between_s = NeuralFactor(manifest("velocity")).between_s
     assert len(made.factors) == 1 + int((28.5 - 4.0) / between_s)
-    assert any("no window of 400 samples" in loss.reason for loss in made.losses)
+    assert any("no window of 400 samples" in loss.reason for loss in made.unused)
 
 
 def test_the_released_network_says_what_torch_says_with_its_weights():

@@ -8,7 +8,7 @@ from fgnav.checks import FloatArray
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class FlightConstant:
+class Parameter:
     """A few dimensions that hold for the whole flight: one vector variable of the graph.
 
     Attributes
@@ -59,10 +59,10 @@ def flight_constant(
     sigma: FloatArray | float,
     *,
     reported: bool = True,
-) -> FlightConstant:
+) -> Parameter:
     """Return a constant that is zero to a 1-sigma, of all its axes or of each, (d,)."""
     d = len(axes)
-    return FlightConstant(
+    return Parameter(
         name=name,
         axes=axes,
         unit=unit,
@@ -74,13 +74,13 @@ def flight_constant(
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Constants:
+class Parameters:
     """The constants of a flight, one after another in one vector of b dimensions.
 
     Part i has the key ``keys.constant(i)``.
     """
 
-    parts: tuple[FlightConstant, ...] = ()
+    parts: tuple[Parameter, ...] = ()
     width: int = field(init=False)  # dimensions of all parts together, b
     first: tuple[int, ...] = field(init=False)  # first column of each part
     _columns: dict[str, slice] = field(init=False)
@@ -122,9 +122,9 @@ class Constants:
             P[columns, columns] = part.covariance
         return P
 
-    def started_at(self, values: FloatArray) -> "Constants":
+    def started_at(self, values: FloatArray) -> "Parameters":
         """Return the same, their search starting at values, (b,)."""
-        return Constants(
+        return Parameters(
             tuple(
                 replace(part, start=values[first : first + part.size])
                 for part, first in zip(self.parts, self.first, strict=True)
@@ -132,4 +132,4 @@ class Constants:
         )
 
 
-NO_CONSTANTS = Constants()
+NO_PARAMETERS = Parameters()
