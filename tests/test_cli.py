@@ -288,9 +288,9 @@ def test_run_writes_what_was_estimated_with_the_flight(folder, tmp_path, capsys)
     command = ["run", str(folder), "--method", "batch", "--calibrate", "lever-arm, antenna:a4=0.02"]
     assert cli.main([*command, "--out", str(tmp_path / "out")]) == 0
     told = json.loads((tmp_path / "out" / "summary.json").read_text())["methods"]["batch"]
-    names = [one["name"] for one in told["constants"]]
+    names = [one["name"] for one in told["calibration"]]
     assert names == ["lever-arm", "antenna a4"]
-    assert all(0 < sigma < 0.02 for sigma in told["constants"][1]["sigma"].values())
+    assert all(0 < sigma < 0.02 for sigma in told["calibration"][1]["sigma"].values())
     assert "Antenna a4, difference from the nominal: x_b" in capsys.readouterr().out
 
 

@@ -40,7 +40,7 @@ class Method:
         constants = () if self.estimate is None else self.estimate.calibration
         return asdict(self.score) | {
             "rejections": [asdict(one) for one in self.rejections],
-            "constants": [one.to_dict() for one in constants],
+            "calibration": [one.to_dict() for one in constants],
             "arcs": [asdict(one) for one in self.arcs],
         }
 

@@ -244,7 +244,7 @@ def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
         "rejections": (phase,),
         "unused": (Unused(what="a2 link", reason="below the mask", count=7),),
         "consistency": (Consistency(**tested, deciles=deciles),),
-        "constants": (boresight,),
+        "calibration": (boresight,),
     }
     report = comparison_report(compare(flight, [off("careful", t_s=t_s, more=more)]), flight)
     assert {"echo", "a3 G05 1C", "below the mask", "3.90", "6.00"} <= set(
