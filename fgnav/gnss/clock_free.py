@@ -15,6 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.types.differences import DoubleDifferences
+
+_AT_ONCE = 200  # epochs: 10 MB
 
 
 class ClockFree(NamedTuple):
@@ -65,6 +68,36 @@ def clock_free(
     n, _, _, v = values.shape
     normal = values.reshape(n, -1, v).swapaxes(1, 2) @ weighted.reshape(n, -1, v)
     return ClockFree(weighted, normal, certain)
+
+
+def range_information(
+    differences: DoubleDifferences, ranges_m: FloatArray, coordinates: FloatArray
+) -> FloatArray:
+    """Return the normal equations, (n, 3 c + 1, 3 c + 1), of matrices M, (3, c), row by row.
+
+    Baselines in ``n`` are M times their coordinates; what is measured stands in the last column.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    ranges_m : ndarray, shape (n, b, m)
+        Without integers; NaN where a link takes no part.
+    coordinates : ndarray, shape (b, c)
+    """
+    n, b, m = ranges_m.shape
+    columns = 3 * coordinates.shape[1]
+    out = np.empty((n, columns + 1, columns + 1))
+    for first in range(0, n, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        seen = np.isfinite(ranges_m[part])
+        values = np.zeros((len(seen), b + 1, m, columns + 1))
+        design = np.einsum("nji,bc->nbjic", -differences.e_n[part], coordinates)
+        values[:, 1:, :, :-1] = design.reshape(*seen.shape, columns)
+        values[:, 1:, :, -1] = np.where(seen, ranges_m[part], 0.0)
+        links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+        variance_m2 = differences.phase_variance_m2[part]
+        out[part] = clock_free(differences.group, links, variance_m2, values).normal
+    return out
 
 
 def _centred(values: FloatArray, seen: BoolArray, share: FloatArray) -> FloatArray:
