@@ -7,7 +7,7 @@ from numpy.testing import assert_array_equal
 from fgnav.checks import BadInputError
 from fgnav.geometry import rotations
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.arcs.kernel import Answers, carry, chance_of_epochs
+from fgnav.integers.arcs.carried import Answers, carry, chance_of_epochs
 from fgnav.integers.arcs.resolver import Arcs, lambda_arcs, link_arcs, noise_as_shown
 from fgnav.integers.arcs.smoothing import effective, smoothed
 from fgnav.integers.resolvers.constrained import Constrained
