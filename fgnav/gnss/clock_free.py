@@ -26,6 +26,7 @@ class ClockFree(NamedTuple):
     weighted: FloatArray  # (n, a, m, v): P y
     normal: FloatArray  # (n, v, v): y' P y
     certain: FloatArray  # (n, a, m): the diagonal of P
+    log_determinant: FloatArray  # (n,): of the covariance of as many double differences
 
 
 def clock_free(
@@ -46,6 +47,9 @@ def clock_free(
     antennas, weight = seen.sum(axis=1, keepdims=True).clip(1), seen / variance_m2[:, None]
     share = seen / antennas
     left, certain = _centred(values, seen, share), weight * (1.0 - 1.0 / antennas)
+    log_determinant = (
+        (antennas[:, 0] - 1) * np.log(variance_m2) * seen.any(axis=1) + np.log(antennas[:, 0])
+    ).sum(axis=1)
     for g in range(int(group.max(initial=-1)) + 1):
         on = np.flatnonzero(group == g)
         K = -(weight[:, :, on] @ share[:, :, on].swapaxes(1, 2))
@@ -54,6 +58,7 @@ def clock_free(
         alone = K[:, i, i] <= 0.0
         K[:, 0], K[:, :, 0] = 0.0, 0.0
         K[:, i, i] += (i == 0) | alone
+        log_determinant += np.linalg.slogdet(K)[1]
         inverse = np.linalg.inv(K)
         inverse[:, 0] = 0.0
         clock = inverse @ (weight[:, :, on, None] * left[:, :, on]).sum(axis=2)
@@ -67,7 +72,7 @@ def clock_free(
     weighted = weight[..., None] * left
     n, _, _, v = values.shape
     normal = values.reshape(n, -1, v).swapaxes(1, 2) @ weighted.reshape(n, -1, v)
-    return ClockFree(weighted, normal, certain)
+    return ClockFree(weighted, normal, certain, log_determinant)
 
 
 def range_information(
