@@ -7,11 +7,12 @@ from typing import NamedTuple
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.assembly.position.numbered_arcs import EarlierArcs
 from fgnav.assembly.sensors.rest import Rest
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Imu
+from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
 
 
@@ -56,3 +57,6 @@ class PreparedFlight:
             aligned = None if opening.aligned is None else by(opening.aligned)
             opening = replace(opening, problem=by(opening.problem), aligned=aligned)
         return replace(self, problem=by(self.problem), opening=opening)
+
+
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]

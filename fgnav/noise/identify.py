@@ -10,16 +10,15 @@ Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Syst
 2013, sections 14.3 and 17.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fgnav.assembly.calibration_request import CalibrationRequest, calibration_requests
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
 from fgnav.noise.calibration import (
     CLOCK,
@@ -30,14 +29,11 @@ from fgnav.noise.calibration import (
 )
 from fgnav.noise.clock import ClockCorrection, middle_of_record_s, with_clock
 from fgnav.noise.components import AT_REST, NoiseComponents, Standstill
-from fgnav.noise.decimation import decimated
+from fgnav.noise.decimation import decimated, prepared_run, with_rate_prior
 from fgnav.noise.nominal import scalable, unstated, with_factors, with_standstill
 from fgnav.noise.posterior import NoisePosterior, Prior, correlated_noise, noise_posterior
 from fgnav.noise.satellite_errors import satellite_error_factors, with_errors
-from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
-
-Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 _PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
 _SETTLED_SIGMAS = 0.3
@@ -122,11 +118,7 @@ def identified(
     exact = with_exact_timestamps(flight)
     result, last = hyperparameters(exact, settings, build)
     if not result.is_nominal:
-        motion, priors = last.problem.motion, None
-        if isinstance(motion, GyroFree):  # it turns alike whatever its noise
-            priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
-        alike = replace(settings, interval_priors=priors)
-        return result, result.prepared(flight, alike, build)
+        return result, result.prepared(flight, with_rate_prior(settings, last.problem), build)
     return result, last if exact is flight else build(flight, settings)
 
 
@@ -189,7 +181,8 @@ def hyperparameters(
         satellites: Mapping[str, float] = {}
         if phase is not None and flight.base is None:
             satellites = satellite_error_factors(phase)
-        posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
+        run = prepared_run(at, settings, prepared, build)
+        posterior = _posterior(at, settings, with_satellite_errors(run, satellites), theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
         result = replace(
