@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from fgnav.alignment.in_motion.windows import EarlierMotion
-from fgnav.assembly.position.numbered_arcs import EarlierArcs
+from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.assembly.sensors.rest import Rest
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import FloatArray, Unused
@@ -38,6 +38,7 @@ class PreparedFlight:
     unused: tuple[Unused, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
+    observed: tuple[Observed, ...]  # phases and codes of antennas, by keyframe
     timed: TimedMotion  # how keyframes move, by which clocks and delays show
     rough: bool = False  # whether the attitudes that the search starts from assume something
     causal: bool = False  # whether each keyframe is to be known by what came before it alone

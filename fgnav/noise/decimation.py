@@ -2,8 +2,7 @@
 
 With a gyroscope keyframes are a second apart, and the motion between them is summed up, so that
 nothing of it is lost. Without one no keyframe can be left out: a run of them from the middle of the
-flight stands for all. Phases of arcs join all keyframes: without a gyroscope the run is a flight of
-its own, with arcs that begin and end there; with one such a problem is used whole.
+flight stands for all. Arcs of phases begin and end with these keyframes.
 """
 
 from dataclasses import dataclass, replace
@@ -11,56 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.assembly.prepared import Build, PreparedFlight
-from fgnav.assembly.settings import ProblemSettings
-from fgnav.assembly.truncation import truncated
-from fgnav.checks import FloatArray, IntArray, NoSolutionError
+from fgnav.assembly.position.numbered_arcs import Observed
+from fgnav.assembly.position.phases import antenna_phase
+from fgnav.assembly.prepared import PreparedFlight
+from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
-from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
 from fgnav.graph.types.states import States
-from fgnav.process.hyperparameters import IntervalPriors
-from fgnav.types.flight import Flight
 
 _KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %
 _INTERVAL_S = 1.0
 _VEHICLE = (WHEELS, STANDSTILL, RESTING_RATE)
-
-
-def with_rate_prior(settings: ProblemSettings, problem: Problem) -> ProblemSettings:
-    """Return settings with a problem's prior of the rate, whatever the noise; none beside one."""
-    motion = problem.motion
-    if not isinstance(motion, GyroFree):
-        return settings
-    priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
-    return replace(settings, interval_priors=priors)
-
-
-def prepared_run(
-    flight: Flight, settings: ProblemSettings, prepared: PreparedFlight, build: Build
-) -> PreparedFlight:
-    """Return the problem of a run of keyframes, where phases and no gyroscope ask for one.
-
-    The whole problem where the run alone has none.
-    """
-    problem = prepared.problem
-    if problem.phase is None or not isinstance(problem.motion, GyroFree):
-        return prepared
-    first, last = _run(len(problem.t_s))
-    if last - first + 1 == len(problem.t_s):
-        return prepared
-    margin_s = (problem.t_s[first + 1] - problem.t_s[first]) / 2
-    begin_s, end_s = problem.t_s[[first, last]] + [-margin_s, margin_s]
-    run = truncated(flight, float(end_s), after_s=float(begin_s), base_s=margin_s)
-    try:
-        return build(run, with_rate_prior(settings, problem))
-    except NoSolutionError:
-        return prepared
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -100,43 +65,47 @@ class Subset(WrappedSensor):
         return replace(self, keyframes=row)
 
 
-def decimated(problem: Problem) -> tuple[Problem, IntArray]:
+def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     """Return a problem of fewer keyframes, and which they are, (k,).
 
     Constraints of vehicles are left out: slip of wheels has no noise that is to be identified.
     """
-    every = np.arange(len(problem.t_s))
+    problem = prepared.problem
     sensors = tuple(one for one in problem.sensors if one.name not in _VEHICLE)
-    if problem.phase is not None:
-        return replace(problem, sensors=sensors), every
     keyframes = _keyframes(problem, sensors)
+    start = problem.start.at(keyframes)
+    t_s = problem.t_s[keyframes]
+    observed = tuple(_at(one, keyframes) for one in prepared.observed)
     return (
         Problem(
-            t_s=problem.t_s[keyframes],
-            start=problem.start.at(keyframes),
+            t_s=t_s,
+            start=start,
             motion=_motion_between(problem.motion, keyframes),
             sensors=tuple(
                 Subset.at(one, keyframes) for one in sensors if np.isin(one.row, keyframes).any()
             ),
             constants=problem.constants,
             attitude_known=problem.attitude_known[keyframes],
+            phase=antenna_phase(observed, t_s, start.R_nb, problem.constants).phase,
         ),
         keyframes,
     )
 
 
-def _run(n: int) -> tuple[int, int]:
-    """Return the first and the last of the keyframes in the middle of n."""
-    first = max(0, (n - _KEYFRAMES) // 2)
-    return first, min(n, first + _KEYFRAMES) - 1
+def _at(observed: Observed, keyframes: IntArray) -> Observed:
+    """Return the observations of some keyframes, numbered by these."""
+    kept = np.isin(observed.row, keyframes)
+    row = np.searchsorted(keyframes, observed.row[kept])
+    return observed._replace(row=row, epoch=observed.epoch[kept])
 
 
 def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:
     n = len(problem.t_s)
     if not isinstance(problem.motion, Inertial):
-        first, last = _run(n)
-        return np.arange(first, last + 1)
-    measured = np.unique(np.concatenate([one.row for one in sensors]))
+        first = max(0, (n - _KEYFRAMES) // 2)
+        return np.arange(first, min(n, first + _KEYFRAMES))
+    rows = [one.row for one in (*sensors, problem.phase) if one is not None]
+    measured = np.unique(np.concatenate(rows))
     t_s = problem.t_s[measured]
     step_s = min(_INTERVAL_S, (t_s[-1] - t_s[0]) / _KEYFRAMES)
     slot = np.floor((t_s - t_s[0]) / max(step_s, 1e-9) + 1e-6)

@@ -19,6 +19,7 @@ from fgnav.assembly.calibration_request import CalibrationRequest, calibration_r
 from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.graph.factors.position import LEVER_ARM
+from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
 from fgnav.noise.calibration import (
     CLOCK,
@@ -29,10 +30,11 @@ from fgnav.noise.calibration import (
 )
 from fgnav.noise.clock import ClockCorrection, middle_of_record_s, with_clock
 from fgnav.noise.components import AT_REST, NoiseComponents, Standstill
-from fgnav.noise.decimation import decimated, prepared_run, with_rate_prior
+from fgnav.noise.decimation import decimated
 from fgnav.noise.nominal import scalable, unstated, with_factors, with_standstill
 from fgnav.noise.posterior import NoisePosterior, Prior, correlated_noise, noise_posterior
 from fgnav.noise.satellite_errors import satellite_error_factors, with_errors
+from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
 
 _PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
@@ -118,7 +120,11 @@ def identified(
     exact = with_exact_timestamps(flight)
     result, last = hyperparameters(exact, settings, build)
     if not result.is_nominal:
-        return result, result.prepared(flight, with_rate_prior(settings, last.problem), build)
+        motion, priors = last.problem.motion, None
+        if isinstance(motion, GyroFree):  # it turns alike whatever its noise
+            priors = IntervalPriors(motion.t_s, motion.poles_per_s, motion.variance_rad2ps2)
+        alike = replace(settings, interval_priors=priors)
+        return result, result.prepared(flight, alike, build)
     return result, last if exact is flight else build(flight, settings)
 
 
@@ -181,8 +187,7 @@ def hyperparameters(
         satellites: Mapping[str, float] = {}
         if phase is not None and flight.base is None:
             satellites = satellite_error_factors(phase)
-        run = prepared_run(at, settings, prepared, build)
-        posterior = _posterior(at, settings, with_satellite_errors(run, satellites), theta)
+        posterior = _posterior(at, settings, prepared, satellites, theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
         result = replace(
@@ -231,10 +236,13 @@ def _posterior(
     flight: Flight,
     settings: ProblemSettings,
     prepared: PreparedFlight,
+    satellites: Mapping[str, float],
     begin: Mapping[str, float],
 ) -> NoisePosterior:
     """Return the most probable noise of a problem; the search begins at theta by component."""
-    problem, keyframes = decimated(prepared.problem)
+    problem, keyframes = decimated(prepared)
+    if problem.phase is not None and satellites:
+        problem = replace(problem, phase=with_errors(problem.phase, satellites))
     requested = [one.kind for one in settings.calibration]
     fixes = flight.fixes if flight.observations is None else ()
     has_velocities = any(one.v_n_mps is not None for one in fixes)
