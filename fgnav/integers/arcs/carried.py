@@ -51,16 +51,16 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
             ends = np.flatnonzero((np.diff(arcs[rows], axis=0) != 0).any(axis=1)) + 1
             for part in np.split(rows, ends):
                 resolved = answers.resolved[part, i, j] & answers.resolved[part, i, r]
-                said = part[resolved]
-                if not len(said):
+                answered = part[resolved]
+                if not len(answered):
                     continue
-                cycles = answers.cycles[said, i, j] - answers.cycles[said, i, r]
-                surest, chance = _surest_so_far(cycles, answers.wrong[said])
-                last = np.cumsum(resolved) - 1 if causal else np.full(len(part), len(said) - 1)
+                cycles = answers.cycles[answered, i, j] - answers.cycles[answered, i, r]
+                surest, chance = _surest_so_far(cycles, answers.wrong[answered])
+                last = np.cumsum(resolved) - 1 if causal else np.full(len(part), len(answered) - 1)
                 given = (last >= 0) & (answers.of_reference[part, j] == r)
                 to, of = part[given], last[given]
                 out.cycles[to, i, j] = cycles[surest[of]]
-                out.source[to, i, j] = said[surest[of]]
+                out.source[to, i, j] = answered[surest[of]]
                 out.chance[to, i, j] = chance[of]
     return out
 
