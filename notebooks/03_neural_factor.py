@@ -31,13 +31,13 @@ from tempfile import mkdtemp
 import msgspec
 import numpy as np
 import torch
+from fgnav.neural.calibration import calibration
 from torch import nn
 
 import fgnav
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.truth import attitude_at
 from fgnav.neural import Manifest, NeuralFactor, Record, save_manifest
-from fgnav.neural.calibration import calibration
 from fgnav.neural.manifest import Covariance, Input, Output
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate

@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from fgnav.neural.calibration import calibration
 
 from fgnav.checks import BadInputError
 from fgnav.cli import main
@@ -15,7 +16,6 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import Options, method_named
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
-from fgnav.neural.calibration import calibration
 from fgnav_models.runtime.factors import manifest
 from fgnav_sim.data_sets.gravity import PHASES, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld, WindowsTable
