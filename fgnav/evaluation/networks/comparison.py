@@ -124,12 +124,12 @@ def referee(
             factors = [NeuralFactor(source.network, records=one) for one in given]
             for k, reason in _refusals(factors, flights):
                 refusals[k][source.name] = reason
-            asked = [k for k in range(len(flights)) if source.name not in refusals[k]]
-            if not asked:
+            suited = [k for k in range(len(flights)) if source.name not in refusals[k]]
+            if not suited:
                 raise BadInputError(refusals[0][source.name])
-            found = calibration([factors[k] for k in asked], [flights[k] for k in asked])
+            found = calibration([factors[k] for k in suited], [flights[k] for k in suited])
         calibrations.append(found)
-        for k, sigma in zip(asked, found.sigmas, strict=True):
+        for k, sigma in zip(suited, found.sigmas, strict=True):
             constant = NeuralFactor(source.network.with_sigma(sigma), records=given[k])
             methods[k] += [
                 replace(method, name=source.name, factors=(factors[k],)),
@@ -159,6 +159,6 @@ def _refusals(
 def _outcome(
     name: str, flight: Flight, methods: list[Any], refusals: Mapping[str, str], watch: Watch
 ) -> FlightOutcome:
-    """Return what methods make of a flight, and which networks it cannot be asked of."""
+    """Return what methods make of a flight, and which networks it cannot see it."""
     (outcome,) = compare_flights([(name, flight)], methods, watch=watch).flights
     return replace(outcome, failures={**outcome.failures, **refusals})

@@ -118,22 +118,26 @@ def _reliability_chart(one: Calibration) -> Chart:
 def _worth(comparison: NetworksComparison) -> Blocks:
     heads = ["figure", "flights", "none", "constant", "network", "network less none"]
     caption = (
-        "The method without network, with it, and with its answers at the constant sigma: over "
-        "flights, and the mean difference on the flights that both have with its interval of 95 %."
+        "the method without it, with its answers at the constant sigma, and with it: over flights; "
+        "mean differences on the flights that both have, with intervals of 95 %."
     )
-    return table([*heads, "less constant"], _worth_rows(comparison), caption)
+    return [
+        block
+        for network in (one.name for one in comparison.calibrations)
+        for block in table(
+            [*heads, "less constant"], _worth_rows(comparison, network), f"{network}: {caption}"
+        )
+    ]
 
 
-def _worth_rows(comparison: NetworksComparison) -> Iterator[list[str]]:
-    for network in (one.name for one in comparison.calibrations):
-        methods = (NO_NETWORK, constant_of(network), network)
-        for key, title in WORTH.items():
-            pairs = [comparison.worth(key, network, against) for against in methods[:2]]
-            if not pairs[0].flights:
-                continue
+def _worth_rows(comparison: NetworksComparison, network: str) -> Iterator[list[str]]:
+    others = (NO_NETWORK, constant_of(network))
+    for key, title in WORTH.items():
+        pairs = [comparison.worth(key, network, against) for against in others]
+        if pairs[0].flights:
             yield [
-                f"{network}: {title}",
+                title,
                 str(pairs[0].flights),
-                *(significant(comparison.flights.pooled(key, one).value) for one in methods),
+                *(significant(comparison.flights.pooled(key, m).value) for m in (*others, network)),
                 *(interval(pair.difference) for pair in pairs),
             ]
