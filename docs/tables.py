@@ -11,6 +11,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
+from math import degrees
 from pathlib import Path
 from statistics import mean, median
 
@@ -167,10 +168,10 @@ def answers() -> str:
     head = ("flights", "network", "answered, %", "RMSE", "unit", "NEES of 1", "NLL", "constant's")
     lines = []
     for row in _read(EVIDENCE / "networks.csv"):
-        if row["failure"]:
+        if row.get("failure"):
             lines.append((row["flights"], f"`{row['network']}`", *[""] * 8))
             continue
-        scale, unit = (57.2958, "deg") if row["unit"] == "rad" else (1.0, row["unit"])
+        scale, unit = (degrees(1), "deg") if row["unit"] == "rad" else (1.0, row["unit"])
         figures = [f"{100 * float(row['answered']):.0f}", f"{scale * float(row['rmse']):.2g}", unit]
         figures += [
             f"{float(row[key]):.2f}" for key in ("nees_network", "nll_network", "nll_constant")
@@ -187,7 +188,7 @@ def worth() -> str:
     head = ("flights", "network", "state", "n", "none", "constant", "network", "NEES")
     lines = []
     for row in _read(EVIDENCE / "networks.csv"):
-        for state, key in states.items() if not row["failure"] else ():
+        for state, key in states.items() if not row.get("failure") else ():
             rmse = [f"{float(row[f'{key}_{by}']):.3g}" for by in ("none", "constant", "network")]
             name = state.partition(",")[0]
             nees = f"{float(row[f'{name}_nees_network']):.1f}"
