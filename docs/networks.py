@@ -76,12 +76,9 @@ def referenced(flight: fgnav.Flight) -> fgnav.Flight:
 
 
 KINDS: dict[str, tuple[tuple[str, ...], str, Callable[[Path], list[fgnav.Flight]]]] = {
+    **{name: (GRAVITY, "nominal", lambda _, n=name: bodies(n)) for name in ("rocket", "glider")},
     **{
-        name: (GRAVITY, "nominal", lambda _, n=name: bodies(n))
-        for name in ("rocket", "coast", "glider")
-    },
-    **{
-        f"simulated {kind}": (VELOCITY, "nominal", lambda _, k=kind: vehicles(k))
+        f"simulated {kind}": (VELOCITY, "estimated", lambda _, k=kind: vehicles(k))
         for kind in ("car", "multirotor", "aeroplane")
     },
     "drive_0708": (("gravity-accelerometer", *VELOCITY), "estimated", car),
