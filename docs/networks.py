@@ -58,8 +58,9 @@ def car(shared: Path) -> list[fgnav.Flight]:
 
 
 def quadrotors(shared: Path) -> list[fgnav.Flight]:
-    """Return two paths of a quadrotor, each judged by the estimate with all fixes."""
-    return [referenced(quadrotor(shared, path)) for path in ("path_10", "path_15")]
+    """Return halves of two paths of a quadrotor, each judged by the estimate of the whole."""
+    paths = [referenced(quadrotor(shared, path)) for path in ("path_10", "path_15")]
+    return [within(one, at_s, at_s + SPAN_S) for one in paths for at_s in (0.0, SPAN_S - 2)]
 
 
 def referenced(flight: fgnav.Flight) -> fgnav.Flight:
