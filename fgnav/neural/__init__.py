@@ -2,15 +2,13 @@
 
 Owns the contract of a learned measurement (``manifest``), the bounded run of its file (``network``,
 ``onnx``), the windows of samples it sees (``windows``), what its outputs say of the states
-(``outputs``) or of an array's integers (``integers``), how outputs that err alike are counted
-(``correlation``) and how honest they are (``calibration``). Nothing is unpickled; torch is not
-needed.
+(``outputs``) or of an array's integers (``integers``), and how outputs that err alike are counted
+(``correlation``). Nothing is unpickled; torch is not needed.
 """
 
 from typing import Any
 
 _HOMES = {
-    "calibration": "fgnav.neural.calibration",
     "Covariance": "fgnav.neural.manifest",
     "Input": "fgnav.neural.manifest",
     "Manifest": "fgnav.neural.manifest",
