@@ -62,17 +62,6 @@ def same(a, b):
     return np.array_equal(a, b, equal_nan=True)
 
 
-def test_the_same_seed_gives_the_same_flight_and_another_seed_another():
-    one, two, other = made(FULL), made(FULL), made(FULL, seed=2)
-    for name in ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz"):
-        assert same(getattr(one.observations, name), getattr(two.observations, name))
-    assert same(one.imu.f_b_mps2, two.imu.f_b_mps2)
-    assert same(one.fixes[0].p_n_m, two.fixes[0].p_n_m)
-    assert same(one.photodetector.currents, two.photodetector.currents)
-    assert not same(one.observations.code_m, other.observations.code_m)
-    assert not same(one.imu.f_b_mps2, other.imu.f_b_mps2)
-
-
 @pytest.mark.parametrize("name", [*SENSORS])
 def test_a_sensor_that_is_left_out_changes_no_other(name):
     whole, part = made(FULL), made(without(name))
