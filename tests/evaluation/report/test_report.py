@@ -323,3 +323,24 @@ def test_wrong_integers_show_in_time(flown):
     tables = blocks_of(part_of(comparison_report(comparison, flight), "integers").blocks, Table)
     (arcs,) = (table for table in tables if "arcs" in table.caption)
     assert f"of {sum(len(m.arcs) for m in comparison.methods)};" in arcs.caption
+
+
+def test_residuals_by_satellite_are_the_noise_and_a_spoilt_one_stands_out(flown):
+    flight, comparison = flown
+    differences = comparison.double_differences
+    spoilt = int(np.flatnonzero(differences.resolvable.all(axis=(0, 1)))[0])
+    phase_m = differences.phase_m.copy()
+    phase_m[:, ::2, spoilt] += 0.05
+    other = replace(comparison, double_differences=replace(differences, phase_m=phase_m))
+    name = f"{differences.satellites[spoilt]} {differences.signals[spoilt]}"
+    rms = {}
+    for key, of in (("noise", comparison), ("spoilt", other)):
+        (folded,) = (b for b in part_of(comparison_report(of, flight), "sky").blocks[1:])
+        phase, code = blocks_of([folded], Table)
+        rms[key] = {row[0]: float(row[1]) for row in phase.rows}
+    sigma_mm = 1e3 * np.sqrt(2 * differences.phase_variance_m2[:, spoilt].mean())
+    assert 0.5 * sigma_mm < rms["noise"][name] < 1.5 * sigma_mm
+    assert max(rms["spoilt"], key=rms["spoilt"].get) == name
+    assert rms["spoilt"][name] > 20.0
+    assert [head.split(", ")[0] for head in code.heads[1:]] == ["maximum-likelihood", "rtk"]
+    assert all(0.05 < float(row[1]) < 3.0 for row in code.rows)
