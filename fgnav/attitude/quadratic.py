@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.integers import Integers, fixed_ranges_m
 
@@ -226,7 +226,7 @@ def _collect(
     return joint, count
 
 
-@inlined
+@kernel
 def _add_channel(
     ranges_m: FloatArray,
     e_n: FloatArray,
@@ -252,7 +252,7 @@ def _add_channel(
     return links
 
 
-@inlined
+@kernel
 def _centred_rows(
     ranges_m: FloatArray, e_n: FloatArray, lever_arms_b_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
@@ -282,7 +282,7 @@ def _centred_rows(
     return here, rows
 
 
-@inlined
+@kernel
 def _eliminate(laplacian: FloatArray, cross: FloatArray, joint: FloatArray) -> None:
     """Take the receiver terms off, by Cholesky; the reference antenna's term is the datum."""
     antennas = len(laplacian)

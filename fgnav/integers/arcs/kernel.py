@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import kernel
 
 _TINY = 1e-300
 
@@ -94,7 +94,7 @@ def _carry_pairs(answers: Answers, pairs: IntArray, carried: Carried, causal: bo
                 _give(so_far, answers, (i, j, r), (first, n), carried)
 
 
-@inner
+@kernel
 def _give(
     so_far: _SoFar,
     answers: Answers,
@@ -115,12 +115,12 @@ def _give(
             carried.chance[k, i, j] = chance
 
 
-@inner
+@kernel
 def _no_answer() -> _SoFar:
     return _SoFar(-1, 0, 0, np.inf, np.inf, 0.0, 0.0)
 
 
-@inner
+@kernel
 def _with_answer(so_far: _SoFar, k: int, integer: int, wrong: float) -> _SoFar:
     """Add what epoch k says, and its chance to be wrong."""
     source, cycles, voices, least, against, for_it, other = so_far
@@ -133,7 +133,7 @@ def _with_answer(so_far: _SoFar, k: int, integer: int, wrong: float) -> _SoFar:
     return _SoFar(source, cycles, voices + 1, least, against, for_it, other)
 
 
-@inner
+@kernel
 def _chance(so_far: _SoFar) -> float:
     """Return how likely what the epochs say together is wrong."""
     _, _, voices, least, against, for_it, other = so_far
