@@ -80,7 +80,7 @@ def test_in_a_graph_many_answers_leave_what_lasts(tmp_path):
         estimate = Batch(factors=(str(path),))(flight)
         last = streamed(case, (NeuralFactor(path),))[-1]
         for one in (estimate, last):
-            assert not any("lasting" in known.name for known in one.constants)
+            assert not any("lasting" in known.name for known in one.calibration)
             ratio = np.sqrt(one.position_covariance_m2[len(one.t_s) // 2, 2, 2]) / sigma_m
             assert low < ratio < high
 
