@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import product, put, transposed
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -184,7 +184,7 @@ def _response(t_s: float, poles_per_s: FloatArray) -> tuple[float, float, float,
     return h, h1, h2, (1 - h2 - c2 * h1 - c1 * h) / c0
 
 
-@inner
+@kernel
 def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, float, float]:
     """Return the same by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
     before, last, now = 0.0, 0.0, 1.0  # derivatives n - 2, n - 1 and n at zero, from n = 2
@@ -197,7 +197,7 @@ def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, 
     return h, h1, h2, turned
 
 
-@inlined
+@kernel
 def _orthogonalise(A: FloatArray, L: FloatArray) -> None:
     """Write L, lower, with ``L L' = A' A``; modified Gram-Schmidt, which spoils A."""
     m, n = A.shape

@@ -74,12 +74,7 @@ WRONG = {
 def test_a_wrong_manifest_is_one_line(tmp_path, wrong):
     place, value, text = WRONG[wrong]
     path = graphs.heading(tmp_path)
-    content = json.loads(path.read_text())
-    part = content
-    for key in place[:-1]:
-        part = part[key]
-    part[place[-1]] = value
-    path.write_text(json.dumps(content))
+    graphs.changed(path, place, value)
     with pytest.raises(BadInputError, match=rf"^{path}: key {text}") as raised:
         load_network(path)
     assert "\n" not in str(raised.value)

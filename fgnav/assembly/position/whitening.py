@@ -21,7 +21,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 
 class Channels(NamedTuple):
@@ -111,7 +111,7 @@ def _whitened(
     return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
 
 
-@inlined
+@kernel
 def _derivatives(
     ambiguity: IntArray,
     satellite: IntArray,

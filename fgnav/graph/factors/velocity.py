@@ -24,7 +24,7 @@ from fgnav.graph.sensor_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 _NO_GYROSCOPE = np.empty((0, 3))
 _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled for
@@ -123,7 +123,7 @@ def _kernel(
     return value, state, shared
 
 
-@inlined
+@kernel
 def _relative_rate(
     aux: FloatArray, measured_b_radps: FloatArray, i: int, earth_b: FloatArray
 ) -> FloatArray:
