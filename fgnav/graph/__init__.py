@@ -4,26 +4,53 @@ Owns the statement of every measurement: one file of ``factors`` holds one senso
 Jacobian, and GTSAM, the batch, innovations and reports all read that one.
 """
 
+from importlib import import_module
 from typing import Any
 
-from fgnav.graph.keys import Timeline, angular_motion, constant, imu_bias, pose, velocity
+from fgnav.graph.keys import Timeline, angular_motion, arcs, constant, imu_bias, pose, velocity
+
+_HOMES = {  # loaded on first use: they bring GTSAM
+    "custom": ("NamedFactor", "residual_factor"),
+    "factors.antenna_phase": ("AntennaPhase", "ArcBlock", "PhaseRows"),
+    "factors.array_phase": ("ArrayPhase",),
+    "factors.barometer": ("BarometricHeight",),
+    "factors.baseline": ("BaselineVector",),
+    "factors.check": (
+        *("FactorCheck", "check_factors", "check_sensor", "jacobian_misfit"),
+        *("random_motion", "random_states", "values_of"),
+    ),
+    "factors.directions": ("Directions",),
+    "factors.gravity": ("Gravity",),
+    "factors.line_of_sight": ("LineOfSight",),
+    "factors.magnetometer": ("MagneticField",),
+    "factors.position": ("Position",),
+    "factors.vehicle.aerodynamic_angles": ("AerodynamicAngles",),
+    "factors.vehicle.wheels": ("RollingWheels",),
+    "factors.velocity": ("Velocity",),
+    "inertial.gyro_free": ("GyroFree",),
+    "inertial.preintegrated": ("Inertial",),
+    "sensor_factor": ("sensor_factor",),
+    "types.parameters": ("Parameter", "Parameters", "flight_constant"),
+    "types.sensor": ("Linearised", "SensorRows", "Shapes"),
+    "types.states": ("POSITION", "ROTATION", "VELOCITY", "States"),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "Timeline",
     "angular_motion",
+    "arcs",
     "constant",
     "imu_bias",
     "pose",
-    "residual_factor",
     "velocity",
+    *_HOME_OF,
 ]
 
 
 def __getattr__(name: str) -> Any:  # noqa: ANN401
     """Load what brings GTSAM when it is first used."""
-    if name != "residual_factor":
+    if name not in _HOME_OF:
         msg = f"module 'fgnav.graph' has no attribute {name!r}"
         raise AttributeError(msg)
-    from fgnav.graph.custom import residual_factor  # noqa: PLC0415  # lazy: gtsam
-
-    return residual_factor
+    return getattr(import_module(f"fgnav.graph.{_HOME_OF[name]}"), name)

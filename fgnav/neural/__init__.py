@@ -18,6 +18,7 @@ _HOMES = {
     "Output": "fgnav.neural.manifest",
     "Record": "fgnav.neural.records",
     "read_manifest": "fgnav.neural.manifest",
+    "factor_of": "fgnav.neural.outputs",
     "save_manifest": "fgnav.neural.manifest",
 }
 
