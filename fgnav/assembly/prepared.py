@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from fgnav.alignment.in_motion.windows import EarlierMotion
-from fgnav.assembly.position.numbered_arcs import EarlierArcs
+from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.assembly.sensors.rest import Rest
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Imu
+from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
 
 
@@ -37,6 +38,7 @@ class PreparedFlight:
     unused: tuple[Unused, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
+    observed: tuple[Observed, ...]  # phases and codes of antennas, by keyframe
     timed: TimedMotion  # how keyframes move, by which clocks and delays show
     rough: bool = False  # whether the attitudes that the search starts from assume something
     causal: bool = False  # whether each keyframe is to be known by what came before it alone
@@ -56,3 +58,6 @@ class PreparedFlight:
             aligned = None if opening.aligned is None else by(opening.aligned)
             opening = replace(opening, problem=by(opening.problem), aligned=aligned)
         return replace(self, problem=by(self.problem), opening=opening)
+
+
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]

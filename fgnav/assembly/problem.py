@@ -120,6 +120,7 @@ def build_problem(
         unused=(*_all(parts, "unused"), *repeated),
         rejections=_all(parts, "rejections"),
         notes=(*_all(parts, "notes"), *notes),
+        observed=track.antenna.phases,
         timed=timed,
         rough=stage.start.rough,
         causal=stage.causal,

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.truncation import truncated
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.messages import note
-from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
+from fgnav.noise.identify import Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight
 

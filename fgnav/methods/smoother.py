@@ -38,9 +38,9 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
+    from fgnav.assembly.prepared import Build
     from fgnav.graph.custom import NamedFactor
     from fgnav.methods.causal import Stretch
-    from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
 

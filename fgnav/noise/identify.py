@@ -10,13 +10,13 @@ Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Syst
 2013, sections 14.3 and 17.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fgnav.assembly.calibration_request import CalibrationRequest, calibration_requests
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -36,8 +36,6 @@ from fgnav.noise.posterior import NoisePosterior, Prior, correlated_noise, noise
 from fgnav.noise.satellite_errors import satellite_error_factors, with_errors
 from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
-
-Build = Callable[[Flight, ProblemSettings], PreparedFlight]
 
 _PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
 _SETTLED_SIGMAS = 0.3
@@ -189,7 +187,7 @@ def hyperparameters(
         satellites: Mapping[str, float] = {}
         if phase is not None and flight.base is None:
             satellites = satellite_error_factors(phase)
-        posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
+        posterior = _posterior(at, settings, prepared, satellites, theta)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
         result = replace(
@@ -238,10 +236,13 @@ def _posterior(
     flight: Flight,
     settings: ProblemSettings,
     prepared: PreparedFlight,
+    satellites: Mapping[str, float],
     begin: Mapping[str, float],
 ) -> NoisePosterior:
     """Return the most probable noise of a problem; the search begins at theta by component."""
-    problem, keyframes = decimated(prepared.problem)
+    problem, keyframes = decimated(prepared)
+    if problem.phase is not None and satellites:
+        problem = replace(problem, phase=with_errors(problem.phase, satellites))
     requested = [one.kind for one in settings.calibration]
     fixes = flight.fixes if flight.observations is None else ()
     has_velocities = any(one.v_n_mps is not None for one in fixes)
