@@ -4,10 +4,10 @@ Owns the statement of every measurement: one file of ``factors`` holds one senso
 Jacobian, and GTSAM, the batch, innovations and reports all read that one.
 """
 
-from importlib import import_module
-from typing import Any
-
 from fgnav.graph.keys import Timeline, angular_motion, arcs, constant, imu_bias, pose, velocity
+from fgnav.lazy import lazy
+
+__all__ = ["Timeline", "angular_motion", "arcs", "constant", "imu_bias", "pose", "velocity"]
 
 _HOMES = {  # loaded on first use: they bring GTSAM
     "custom": ("NamedFactor", "residual_factor"),
@@ -29,28 +29,9 @@ _HOMES = {  # loaded on first use: they bring GTSAM
     "factors.velocity": ("Velocity",),
     "inertial.gyro_free": ("GyroFree",),
     "inertial.preintegrated": ("Inertial",),
-    "sensor_factor": ("sensor_factor",),
+    "kernel_factor": ("sensor_factor",),
     "types.parameters": ("Parameter", "Parameters", "flight_constant"),
     "types.sensor": ("Linearised", "SensorRows", "Shapes"),
-    "types.states": ("POSITION", "ROTATION", "VELOCITY", "States"),
+    "types.states": ("POSITION", "RATE", "ROTATION", "VELOCITY", "States"),
 }
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
-__all__ = [
-    "Timeline",
-    "angular_motion",
-    "arcs",
-    "constant",
-    "imu_bias",
-    "pose",
-    "velocity",
-    *_HOME_OF,
-]
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Load what brings GTSAM when it is first used."""
-    if name not in _HOME_OF:
-        msg = f"module 'fgnav.graph' has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(import_module(f"fgnav.graph.{_HOME_OF[name]}"), name)
+__getattr__ = lazy(__name__, _HOMES)

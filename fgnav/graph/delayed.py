@@ -25,7 +25,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor

@@ -49,8 +49,9 @@ __all__ = ["Batch", "Forward", "Smoother"]
 class Smoother:
     """A sliding window over array phases, accelerometer, code, Doppler and line of sight.
 
-    Keyframes are the GNSS epochs. Each is taken as it leaves the window, known from the data up to
-    ``lag_s`` after it, and the second that the window is updated with.
+    Keyframes are the GNSS epochs, and times between them where intervals are long. Each is
+    estimated as it leaves the window, from data up to ``lag_s`` after it and to the end of the
+    second that the window is updated with.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
-"""Noise, clock, latency and lever arm of a flight, result from the flight itself.
+"""Estimate noise, clock, latency and lever arm of a flight from the flight itself.
 
 One marginal likelihood serves flights with and without phases. Its hyperparameters are the noises
 of ``components`` and the errors of satellites; clock, latency and lever arm are constants of the
-same problem. Timestamps are moved by the clock that is result until nothing is left to move.
+same problem. Timestamps are moved by the estimated clock until the estimate no longer changes.
 
 References
 ----------

@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.geometry.rotations import skew
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import POSITION, ROTATION, States
 

@@ -20,7 +20,7 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States

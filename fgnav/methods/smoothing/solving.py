@@ -65,10 +65,10 @@ def without_attitudes(prepared: PreparedFlight) -> bool:
 
 
 def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion determines where to linearise, without a gyroscope.
+    """Return True if only later motion determines the linearisation point, without a gyroscope.
 
-    Without attitudes none does before; between two of them it may have turned over: a window goes
-    on as the body last turned, and a turn too many is a minimum of its custom.
+    A window extrapolates the last rotation. Between attitudes that are far apart, the body may have
+    made another full turn, and a wrong number of turns is a local minimum.
     """
     if prepared.imu.w_b_radps is not None:
         return False

@@ -20,7 +20,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
