@@ -55,7 +55,7 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
 
 
 def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetometer]:
-    """Return whether a magnetometer's heading is good enough for the search to start there."""
+    """Return True if a magnetometer's heading is good enough for the search to start there."""
     if sensor is None or not len(sensor.t_s):
         return False
     across_ut = float(np.hypot(*sensor.field_n_ut[:2]))
@@ -106,7 +106,7 @@ def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatA
 def attitude_prior(
     initial: InitialAttitude | None, R_nb: FloatArray, heading_sigma_rad: float | None = None
 ) -> AttitudePrior | None:
-    """Return what a flight states of its first attitude as a prior; None where it states nothing.
+    """Return the nominal prior of the first attitude; None where the flight gives none.
 
     Parameters
     ----------

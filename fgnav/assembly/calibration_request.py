@@ -26,7 +26,7 @@ _SPACE_B = ("x_b", "y_b", "z_b")
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What may be asked for: axes, whether its sigma is stated in degrees, its default."""
+    """Kind of a calibration parameter: axes, unit of its sigma, default."""
 
     axes: tuple[str, ...]
     degrees: bool
@@ -67,7 +67,7 @@ class CalibrationRequest:
 
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
-    """Return what the words of ``estimate`` ask for.
+    """Parse the words of ``calibrate``.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Para
 
 
 def late_s(words: tuple[CalibrationRequest, ...]) -> float:
-    """Return how far back in time forces are to lead: as late as velocities have proved."""
+    """Return the latency that back-propagation covers: that of the velocities."""
     return max((FORCE_SPAN_S, *(one.start for one in words if one.kind == "velocity-delay")))
 
 
@@ -243,7 +243,7 @@ def mean_rate() -> Parameter:
 
 
 def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
-    """Return which antennas a word means; the reference has the lever arm."""
+    """List the antennas that a word means; the reference has the lever arm."""
     count = len(flight.antennas)
     if count < 2 or flight.observations is None:
         raise BadInputError("calibrate antennas: the flight has no array of antennas")

@@ -131,7 +131,7 @@ def build_problem(
 
 
 def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
-    """Return what parts of the problem report, one after another."""
+    """Concatenate the reports of the problem's parts."""
     return tuple(one for part in parts for one in getattr(part, name, ()))
 
 
@@ -145,7 +145,7 @@ def _opening(
 
 
 def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMotion:
-    """Return how the body moves at keyframes, by which clocks and delays show."""
+    """Compute the kinematics at keyframes, for clocks and delays."""
     return timed_motion(
         stage.record.imu,
         track.t_s,
@@ -180,7 +180,7 @@ def _phase_before_heading(
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
-    """Return what later keyframes need of these; None while, or where, it is not all summed up."""
+    """Return the summary that later keyframes need; None while it is incomplete."""
     start, others = stage.start, (flight.base, flight.vehicle, flight.photodetector, stage.down)
     if flight.standstill or any(one is not None for one in others):
         return None
@@ -207,7 +207,7 @@ def _constants(
     others: Instruments,
     photodetector: Photodetector | None,
 ) -> Parameters:
-    """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
+    """List the constants: calibration, instruments, phases and the mean rate."""
     parts = with_evidence(requested, sight=others.is_landmark_seen)
     if others.is_landmark_seen and photodetector is not None:
         parts = with_landmark(parts, photodetector.landmark_n_m)

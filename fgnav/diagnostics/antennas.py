@@ -46,7 +46,7 @@ class Exchange(NamedTuple):
     runner_up_ratio: float
 
     def message(self, flight: Flight) -> str:
-        """Return what was found, with the evidence."""
+        """Return the finding with its evidence."""
         first, second = (flight.antennas[i].name for i in self.pair)
         return (
             f"{first} and {second} are exchanged from {self.from_s:.1f} to {self.until_s:.1f} s: "
@@ -112,7 +112,7 @@ def exchanged_antennas(
 
 
 def fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape.
+    """Select the epochs, (n,), that fit the array's shape.
 
     Integers that LAMBDA finds without the shape are tried first: under it are searched the others.
     """

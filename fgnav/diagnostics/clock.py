@@ -267,7 +267,7 @@ def _judged(by: str, left: FloatArray) -> Search | None:
 
 
 def _is_rejected(left: FloatArray, best: int) -> BoolArray:
-    """Return which offsets, (D,), are rejected beside the best by residual squares, (W, D).
+    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best.
 
     By Student's t of log ratios, or where both ratio of sums and geometric mean ratio exceed an F
     quantile in which a window counts as one vector of three.

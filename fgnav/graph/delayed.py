@@ -38,7 +38,7 @@ _NO_GYROSCOPE = np.empty((0, 3))
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TimedMotion:
-    """How the body moves at keyframes, by which their states are carried a little in time."""
+    """Kinematics at keyframes, by which states are propagated over small delays."""
 
     since_s: FloatArray  # (n,): from the time at which the clock's offset holds
     # Mean specific forces just before and after each keyframe.
@@ -67,7 +67,7 @@ class TimedMotion:
                 object.__setattr__(self, name, np.require(value, np.float64, ["C", "W"]))
 
     def at(self, row: IntArray) -> "TimedMotion":
-        """Return some keyframes of it, (k,)."""
+        """Select keyframes, (k,)."""
         rate, slope = self.measured_b_radps, self.slope_b_radps2
         return replace(
             self,

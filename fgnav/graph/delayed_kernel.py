@@ -104,7 +104,7 @@ def later(
     since_s: FloatArray,
     which: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how much later states are than j measurements, (j,), and by which constants, (j, b).
+    """Compute the delays of j states, (j,), and their derivatives by the constants, (j, b).
 
     Parameters
     ----------

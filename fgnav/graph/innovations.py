@@ -1,4 +1,4 @@
-"""Whether measurements and solution agree as well as both state: normalised innovations.
+"""Normalised innovations: tests of measurements against the solution without them.
 
 Each measurement is held against what the solution would be without it: of a filter's states that
 is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of Jacobian J

@@ -92,7 +92,7 @@ def _one_state(values: gtsam.Values, variables: list[tuple[int, Use]], constants
 
 
 def _read_state(symbol: int, use: Use, at: States) -> _Read:
-    """Return what copies a variable's value into the state's only row."""
+    """Return a function that copies a variable's value into the state's only row."""
     if use == "velocity":
         return _read_vector(symbol, at.v_n_mps[0])
     if use == "angular_motion":

@@ -50,7 +50,7 @@ def letter(key: int) -> str:
 
 
 def is_constant(key: int) -> bool:
-    """Return whether a key is that of a flight's constant."""
+    """Return True if a key is that of a flight's constant."""
     return key >> _INDEX_BITS == _CONSTANT
 
 
@@ -67,7 +67,7 @@ def _symbol(name: str, number: int) -> int:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Timeline:
-    """When the keyframes of a graph are: what a source of custom factors is given.
+    """Times of a graph's keyframes, the argument of a source of custom factors.
 
     Keyframe k stands at ``t_s[k]``; its variables are ``pose(k)``, ``velocity(k)`` and, with a
     gyroscope, ``imu_bias(k)``, else ``angular_motion(k)``.

@@ -39,7 +39,7 @@ __getattr__ = lazy(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What smoothers take beside a resolver; None and empty leave their own defaults.
+    """Options of smoothers; None and empty leave their defaults.
 
     Closed forms take gravity and factors.
 

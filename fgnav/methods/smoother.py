@@ -163,7 +163,7 @@ class Smoother:
 
     @property
     def preparation(self) -> ProblemSettings:
-        """What decides the smoothing problem: methods that agree in it may share one."""
+        """Settings of the smoothing problem: methods with equal ones may share it."""
         return ProblemSettings(
             resolver=self.resolver,
             gravity=self.gravity,
@@ -199,7 +199,7 @@ class Smoother:
         return prepared
 
     def _stretches(self, flight: Flight, prepared: PreparedFlight) -> "tuple[Stretch, ...]":
-        """Return what is estimated with hyperparameters of its own: by the past, if causal."""
+        """Divide the flight into intervals of the same hyperparameters."""
         from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
 
         if not (self.causal and self.noise == "estimated"):

@@ -61,7 +61,7 @@ class Subset(WrappedSensor):
         return self.measurement.factor(int(self.indices[i]), key)
 
     def on(self, row: IntArray) -> "Subset":
-        """Return the same measurements at other keyframes, (k,)."""
+        """Move the measurements to other keyframes, (k,)."""
         return replace(self, keyframes=row)
 
 

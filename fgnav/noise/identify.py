@@ -44,7 +44,7 @@ _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Hyperparameters:
-    """What a flight has determined of its own noise and times."""
+    """Noise and time parameters estimated from a flight."""
 
     # On nominal standard deviations, by component; those that are as stated are left out.
     factors: Mapping[str, float] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class Hyperparameters:
 
     @property
     def is_nominal(self) -> bool:
-        """Whether noise and times are as the flight states them."""
+        """True if noise and times are nominal."""
         return not (self.factors or self.satellites or self.clock or self.significant)
 
     @property
@@ -102,7 +102,7 @@ class Hyperparameters:
 def identified(
     flight: Flight, settings: ProblemSettings, build: Build
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines of its noise and times, and its problem with these.
+    """Estimate noise, clock and latency of a flight, and build its problem with them.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def hyperparameters(
     prepared: PreparedFlight | None = None,
     begin: Hyperparameters | None = None,
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines, and its last problem, with the nominal noise.
+    """Estimate the hyperparameters of a flight, and return its last problem with nominal noise.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ class WrappedMotion:
     motion: Motion
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401  # the wrapped motion's
-        """Return what the wrapped motion has."""
+        """Return an attribute of the wrapped motion."""
         return getattr(self.motion, name)
 
     def log_white(self, intervals: IntArray) -> float:

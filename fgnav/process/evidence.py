@@ -192,7 +192,7 @@ def _alternatives(prior: RatePrior) -> list[tuple[FloatArray, FloatArray]]:
 def _best_of(
     alternatives: list[tuple[FloatArray, FloatArray]], attitudes: AttitudeSeries
 ) -> IntArray:
-    """Return which prior has the greatest score by each of n attitudes and those before, (n,)."""
+    """Find the prior with the greatest score up to each of n attitudes, (n,)."""
     scores = np.stack([attitudes.log_densities(*prior) for prior in alternatives], axis=1)
     for k in range(1, len(scores)):
         scores[k] += _FORGETTING * scores[k - 1]

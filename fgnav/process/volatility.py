@@ -130,7 +130,7 @@ def _starts(x: FloatArray, swings: bool) -> list[FloatArray]:
 
 
 class _Point(NamedTuple):
-    """Where a search stands: hyperparameters (12,), log scales (blocks, 3), and what is there.
+    """Point of a search: hyperparameters (12,), log scales (blocks, 3), and its score.
 
     The standard deviations of the former are the scales' mean. Slope and freedom are the score of
     scales by the attitudes alone, and what these tell of them.

@@ -1,4 +1,4 @@
-"""How antennas moved, at keyframes: phase, code and Doppler, or the receiver's own fixes."""
+"""Motion of antennas at keyframes, by phase, code and Doppler, or by a receiver's fixes."""
 
 from dataclasses import dataclass, replace
 from functools import partial, reduce
@@ -28,7 +28,7 @@ class AntennaMotion:
 
     @property
     def position(self) -> VectorSeries | None:
-        """Of the first antenna, where a search starts."""
+        """Position of the first antenna, where a search starts."""
         return self.positions[0][1] if self.positions else None
 
 

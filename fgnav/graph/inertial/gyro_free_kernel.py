@@ -30,7 +30,7 @@ class Rows(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where whitened residuals and derivatives of j intervals go; as ``LinearisedMotion``."""
+    """Output arrays for residuals and derivatives of j intervals, as ``LinearisedMotion``."""
 
     value: FloatArray  # (j, D, 1)
     before: FloatArray  # (j, D, D)

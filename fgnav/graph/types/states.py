@@ -28,7 +28,7 @@ __all__ = [
 
 
 class States(NamedTuple):
-    """Where n keyframes are linearised; constants belong to all of them.
+    """States of n keyframes, with the constants of all.
 
     The body point is the accelerometer. ``aux`` holds the accelerometer's bias and the gyroscope's;
     without a gyroscope the accelerometer's bias, rate, its scaled derivatives, and q dimensions of
@@ -50,7 +50,7 @@ class States(NamedTuple):
         return AUX + int(self.aux.shape[1])
 
     def at(self, rows: IntArray | slice) -> "States":
-        """Return some keyframes, with the constants of all."""
+        """Select keyframes, with all constants."""
         return States(
             R_nb=self.R_nb[rows],
             p_n_m=self.p_n_m[rows],
@@ -60,7 +60,7 @@ class States(NamedTuple):
         )
 
     def copied(self) -> "States":
-        """Return the same in memory of its own."""
+        """Copy the arrays."""
         return States._make(np.array(part, order="C") for part in self)
 
     def moved(self, steps: FloatArray, constant_steps: FloatArray) -> "States":
