@@ -94,7 +94,7 @@ class LastObservations:
         self._last: tuple[ByObservations, ...] = ()
 
     def of(self, flight: Flight, settings: ProblemSettings) -> ByObservations | None:
-        """Return the results of a flight's observations, the latest if they serve; None without any."""
+        """Return the results of a flight's observations; None without any."""
         if flight.observations is None:
             return None
         new = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
