@@ -30,7 +30,9 @@ def level_start(flight: Flight, imu: Imu, rotation: ImuRotation, at_s: float) ->
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
     sensor = flight.magnetometer
-    baselines = [one for one in heading_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
+    baselines = [
+        baseline for baseline in heading_baselines(flight) if baseline.of.t_s[0] <= at_s + SAME_S
+    ]
     if baselines:
         R_nb = _turned_to_baseline(baselines[0], rotation, R_nb @ R_ub.T, at_s) @ R_ub
     elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
@@ -48,7 +50,7 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
     if sigma_rad is not None and sigma_rad < KNOWN_RAD:  # so well that the search starts there
         return -np.inf
     sensor = flight.magnetometer
-    begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
+    begins_s = [float(baseline.of.t_s[0]) for baseline in heading_baselines(flight)]
     begins_s += [float(sensor.t_s[0])] if _field_determines_heading(sensor) else []
     from_s = min(begins_s, default=np.inf)
     return -np.inf if from_s <= first_s + SAME_S else from_s

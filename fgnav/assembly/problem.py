@@ -169,12 +169,12 @@ def _phase_before_heading(
 ) -> AntennaPhase | None:
     """Return phases before the heading is known: turns wind them up about an open one, too."""
     phases, t_s = track.antenna.phases, track.t_s
-    if stage.R_open is None or all(one.of.pole_n is None for one in phases):
+    if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
         return phase
-    before = [t_s[one.row] < stage.heading_known_s for one in phases]
+    before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
     part = tuple(
-        one._replace(row=one.row[rows], epoch=one.epoch[rows])
-        for one, rows in zip(phases, before, strict=True)
+        phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
+        for phase, rows in zip(phases, before, strict=True)
     )
     return antenna_phase(part, t_s, stage.R_open, constants, causal=True).phase
 
@@ -182,7 +182,7 @@ def _phase_before_heading(
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
     """Return the summary that later keyframes need; None while it is incomplete."""
     start, others = stage.start, (flight.base, flight.vehicle, flight.photodetector, stage.down)
-    if flight.standstill or any(one is not None for one in others):
+    if flight.standstill or any(other is not None for other in others):
         return None
     if start.motion is None or not start.motion.step_s or not start.valid.any():
         return None
@@ -227,7 +227,7 @@ def _antennas(
     """Yield the sensors of antennas."""
     start, antenna, (multipath, timed) = stage.start, track.antenna, of
     rates, earth = stage.rates if stage.gyroscope else None, stage.earth_rate_n_radps
-    names = tuple(one.name for one in flight.antennas)
+    names = tuple(antenna.name for antenna in flight.antennas)
     if start.form is not None:
         shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
         errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch

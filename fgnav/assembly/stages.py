@@ -168,7 +168,7 @@ def _open_attitudes(flight: Flight, imu: Imu, start: Alignment) -> FloatArray | 
 def measured_times_s(flight: Flight) -> FloatArray:
     """Return times of what receivers solve beside the track: further fixes, and baselines."""
     further = flight.fixes[1:] if flight.observations is None else ()
-    times = [one.t_s for one in further] + [one.t_s for one in flight.baselines]
+    times = [one.t_s for one in further] + [baseline.t_s for baseline in flight.baselines]
     return np.unique(np.concatenate([np.empty(0), *times]))
 
 
@@ -295,7 +295,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         antenna,
         places_n_m,
         gravity_n_mps2,
-        tuple(one for gate in tested.values() for one in gate.rejections),
+        tuple(rejection for gate in tested.values() for rejection in gate.rejections),
         tuple(one for gate in tested.values() for one in gate.unused),
     )
 

@@ -89,7 +89,7 @@ class Clock(NamedTuple):
 
 def coarse_offset(searches: Sequence[Search]) -> Search | None:
     """Return a search that excludes the given clock, if no other unique one contradicts it."""
-    found = [one for one in searches if one.is_unique]
+    found = [search for search in searches if search.is_unique]
     offsets_s = [one.offset_s for one in found]
     if not found or max(offsets_s) - min(offsets_s) > _APART_S:
         return None

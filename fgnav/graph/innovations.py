@@ -93,9 +93,9 @@ def innovation_series(problem: Problem, solution: Solution) -> tuple[InnovationS
         Of all its keyframes.
     """
     of_sensors = _by_name(
-        (one.name, normalised_innovations(one, solution), problem.t_s[one.row])
-        for one in problem.sensors
-        if len(one.row)
+        (sensor.name, normalised_innovations(sensor, solution), problem.t_s[sensor.row])
+        for sensor in problem.sensors
+        if len(sensor.row)
     )
     phase = problem.phase
     if phase is None:
@@ -182,7 +182,7 @@ def custom_innovations(
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    evaluated = [_of_own(one.factor, layout, solution, first) for one in factors]
+    evaluated = [_of_own(factor.factor, layout, solution, first) for factor in factors]
     squared = np.array([one.r @ one.r for one in evaluated])
     tested = np.ones(len(evaluated), dtype=np.bool_)
     for which in _alike(evaluated, solution):  # at once, not one by one

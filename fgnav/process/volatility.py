@@ -105,7 +105,7 @@ def varying_rate_prior(
         scales, np.log(attitudes.turn_deviations()[1].clip(LEAST_RADPS))
     )
     # From long memories and from short ones: each may lead to a lesser maximum.
-    starts = (search.climbed(search.point(one, _bounded(above))) for one in _starts(x, swings))
+    starts = (search.climbed(search.point(start, _bounded(above))) for start in _starts(x, swings))
     begun = search.with_shapes(max(starts, key=lambda one: one.value))
     best = search.with_walk(search.maximum_from(begun))
     gained = search.evidence(best) - still

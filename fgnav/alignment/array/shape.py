@@ -187,7 +187,7 @@ def initial_shape(
 
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
     """Find the constant that is the position of each antenna but the reference; -1 of none."""
-    places = {one.name: k for k, one in enumerate(constants)}
+    places = {constant.name: k for k, constant in enumerate(constants)}
     return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
 
 

@@ -25,7 +25,7 @@ from fgnav.types.integers import Resolver
 # What observations know nothing of, and the noise, which is compared by its values.
 _INSTRUMENTS = ("imu", "fixes", "baselines", "photodetector", "barometer", "magnetometer")
 _OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
-_OWN = tuple(one.name for one in fields(Flight) if one.name not in _OTHERS)
+_OWN = tuple(field.name for field in fields(Flight) if field.name not in _OTHERS)
 _KEPT = 2  # an array as it is stated, and as its phases place its antennas
 
 

@@ -172,7 +172,7 @@ class AntennaPhase:
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""
-        ends = [one.begin_row - 1 for one in self.blocks[1:]] + [last]
+        ends = [block.begin_row - 1 for block in self.blocks[1:]] + [last]
         return {k: (j,) for j, k in enumerate(ends[: len(self.blocks)])}
 
     def on(self, row: IntArray) -> "AntennaPhase":
