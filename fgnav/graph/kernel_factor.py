@@ -43,6 +43,21 @@ def sensor_factor(
         Number of the keyframe.
     uses : tuple of str
         Which of its variables the residual depends on, besides the constants that it names.
+
+    Returns
+    -------
+    gtsam.CustomFactor
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.graph import Velocity, sensor_factor
+    >>> sensor = Velocity(
+    ...     row=np.array([0]), value_n_mps=np.zeros((1, 3)), white=np.eye(3)[None],
+    ...     arm_b_m=np.ones(3), measured_b_radps=None, earth_rate_n_radps=np.zeros(3),
+    ... )
+    >>> sensor_factor(sensor, 0, 7, ("pose", "velocity", "angular_motion")).size()
+    3
     """
     constants, which = measurement.constants, np.array([i])
     variables = [(_SYMBOLS[use](key), use) for use in uses]

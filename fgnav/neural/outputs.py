@@ -74,6 +74,10 @@ def factor_of(
     covariance : ndarray, shape (f, f)
     counted : Counted, optional
         Independent errors by default.
+
+    Returns
+    -------
+    NamedFactor
     """
     model = _MAKERS[output.measures](output, rows, value)
     across = np.eye(len(covariance)) if model.across is None else model.across

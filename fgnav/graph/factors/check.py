@@ -78,6 +78,19 @@ def check_sensor(sensor: Sensor, truth: States, rng: np.random.Generator) -> Fac
     Returns
     -------
     FactorCheck
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.graph import Position, check_sensor, random_states
+    >>> rng = np.random.default_rng(1)
+    >>> truth = random_states(50, rng)
+    >>> position = Position(
+    ...     row=np.arange(50), value_n_m=truth.p_n_m + rng.normal(size=(50, 3)),
+    ...     white=np.tile(np.eye(3), (50, 1, 1)), arm_b_m=np.zeros(3),
+    ... )
+    >>> check_sensor(position, truth, rng).consistent
+    True
     """
     factors = [sensor.factor(i, int(k)) for i, k in enumerate(sensor.row)]
     return check_factors(factors, values_of(truth, sensor.constants), rng)
@@ -101,6 +114,20 @@ def check_factors(
     Returns
     -------
     FactorCheck
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.graph import Position, check_factors, random_states, values_of
+    >>> rng = np.random.default_rng(1)
+    >>> truth = random_states(50, rng)
+    >>> position = Position(
+    ...     row=np.arange(50), value_n_m=truth.p_n_m + rng.normal(size=(50, 3)),
+    ...     white=np.tile(np.eye(3), (50, 1, 1)), arm_b_m=np.zeros(3),
+    ... )
+    >>> factors = [position.factor(k, k) for k in range(50)]
+    >>> check_factors(factors, values_of(truth), rng).consistent
+    True
     """
     graph = gtsam.NonlinearFactorGraph()
     for factor in factors:
@@ -232,7 +259,24 @@ def random_motion(motion: Motion, start: States, rng: np.random.Generator) -> St
 
 
 def values_of(states: States, constants: Parameters = NO_PARAMETERS) -> gtsam.Values:
-    """Return states and constants as GTSAM's variables of keyframes 0, 1, ..."""
+    """Return states and constants as GTSAM's variables of keyframes 0, 1, ...
+
+    Parameters
+    ----------
+    states : States
+    constants : Parameters, optional
+
+    Returns
+    -------
+    gtsam.Values
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.graph import random_states, values_of
+    >>> values_of(random_states(2, np.random.default_rng(1))).size()
+    6
+    """
     values, width = gtsam.Values(), states.width - AUX
     layout = Layout(gyroscope=width == _BIASES, constants=constants)
     insert_constants(values, layout, states.constants)

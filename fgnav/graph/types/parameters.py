@@ -60,7 +60,28 @@ def flight_constant(
     *,
     reported: bool = True,
 ) -> Parameter:
-    """Return a constant that is zero to a 1-sigma, of all its axes or of each, (d,)."""
+    """Return a constant of prior mean zero.
+
+    Parameters
+    ----------
+    name : str
+    axes : tuple of str, length d
+    unit : str
+    sigma : float or ndarray of shape (d,)
+        1-sigma of all axes, or of each.
+    reported : bool, optional
+        Whether results report it.
+
+    Returns
+    -------
+    Parameter
+
+    Examples
+    --------
+    >>> from fgnav.graph import flight_constant
+    >>> flight_constant("speed scale", ("",), "", 0.01).covariance
+    array([[0.0001]])
+    """
     d = len(axes)
     return Parameter(
         name=name,
