@@ -94,15 +94,17 @@ class Delayed(WrappedSensor):
         """Names of the constants in the model."""
         return (*self.times, *self.measurement.parameters)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Sensor``."""
-        at, which = contiguous(at, which)
+        at, indices = contiguous(at, indices)
         offset, rate, delay = map(self.constants.column, self.times)
         columns = offset, rate, delay
-        values = at.constants[None] if len(which) == 1 else np.tile(at.constants, (len(which), 1))
-        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, which)
-        moved, Phi, by_time = _carried(at, which, later_s, self.motion)
-        value, state, shared = self.measurement.linearise(moved, which)
+        values = (
+            at.constants[None] if len(indices) == 1 else np.tile(at.constants, (len(indices), 1))
+        )
+        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, indices)
+        moved, Phi, by_time = _carried(at, indices, later_s, self.motion)
+        value, state, shared = self.measurement.linearise(moved, indices)
         of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
         return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, by_time, by_constant))
 
@@ -143,14 +145,14 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
 
 
 def _carried(
-    at: States, which: IntArray, later_s: FloatArray, motion: TimedMotion
+    at: States, indices: IntArray, later_s: FloatArray, motion: TimedMotion
 ) -> tuple[States, FloatArray, FloatArray]:
     """Return states a time later, (j,), their derivatives by the states, (j, D, D), and by time."""
     measured, slope = motion.measured_b_radps, motion.slope_b_radps2
     R_nb, p_n_m, v_n_mps, aux, Phi, by_time = delayed_kernel.carried(
         at,
         later_s,
-        which,
+        indices,
         (motion.force_before_b_mps2, motion.force_after_b_mps2),
         _NO_GYROSCOPE if measured is None else measured,
         _NO_GYROSCOPE if slope is None else slope,

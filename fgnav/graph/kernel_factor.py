@@ -59,7 +59,7 @@ def sensor_factor(
     >>> sensor_factor(sensor, 0, 7, ("pose", "velocity", "angular_motion")).size()
     3
     """
-    constants, which = measurement.constants, np.array([i])
+    constants, indices = measurement.constants, np.array([i])
     variables = [(_SYMBOLS[use](key), use) for use in uses]
     parts = [p for p, of in enumerate(constants.parts) if of.name in measurement.parameters]
     columns = [constants.columns(constants.parts[p].name) for p in parts]
@@ -78,7 +78,7 @@ def sensor_factor(
             readers += [_read_vector(symbol, at.constants[span]) for symbol, span in shared]
         for read in readers:
             read(values)
-        value, state, by_constants = linearise(at, which)
+        value, state, by_constants = linearise(at, indices)
         if H is not None:
             for j, block in enumerate(blocks):
                 H[j] = state[0, :, block]

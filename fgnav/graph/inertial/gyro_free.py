@@ -269,7 +269,7 @@ class _IntervalError:
     """Error function of one interval, which GTSAM calls, with derivatives by each key."""
 
     intervals: Intervals
-    which: IntArray  # (1,)
+    indices: IntArray  # (1,)
     names: tuple[int, ...]
     buffer: _Buffer
 
@@ -284,7 +284,7 @@ class _IntervalError:
         _read(room.before, values, names[0], names[1], names[2])
         _read(room.after, values, names[3], names[4], names[5])
         room.mean[:] = values.atVector(names[6])
-        kernel.linearise(self.which, self.intervals, room.before, room.after, room.mean, room.out)
+        kernel.linearise(self.indices, self.intervals, room.before, room.after, room.mean, room.out)
         if jacobians is not None:
             for i, block in enumerate(room.blocks):
                 jacobians[i] = block
@@ -317,8 +317,8 @@ def _contiguous(values: FloatArray) -> FloatArray:
     return values if values.flags.carray else np.require(values, np.float64, ["C", "W"])
 
 
-def _indices(which: IntArray) -> IntArray:
-    return which if which.flags.carray else np.require(which, np.int64, ["C", "W"])
+def _indices(indices: IntArray) -> IntArray:
+    return indices if indices.flags.carray else np.require(indices, np.int64, ["C", "W"])
 
 
 def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:

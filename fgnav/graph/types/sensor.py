@@ -61,14 +61,14 @@ class Sensor(Protocol):
         """Measured dimensions of each residual, (k,)."""
         ...
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some of the measurements, (j,).
 
         Parameters
         ----------
         at : States
-            Of their keyframes: row i of it belongs to measurement ``which[i]``.
-        which : ndarray of int, shape (j,)
+            Of their keyframes: row i of it belongs to measurement ``indices[i]``.
+        indices : ndarray of int, shape (j,)
             Rows of this sensor's own arrays.
         """
         ...
