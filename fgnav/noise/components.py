@@ -28,6 +28,8 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
+from fgnav.noise.clock import ClockedMotion
 from fgnav.noise.rescaled import RescaledMotion, RescaledSensor
 
 if TYPE_CHECKING:
@@ -108,6 +110,13 @@ class NoiseComponents:
                     found.append(_SensorNoise(name, i, np.flatnonzero(rows)))
         names = (*motion, *dict.fromkeys(one.name for one in found))
         return cls(problem, names, motion, tuple(found), standstill)
+
+    def about(self, states: States) -> "NoiseComponents":
+        """Return the same with the clock's derivatives at some states, if the clock is free."""
+        motion = self.problem.motion
+        if not isinstance(motion, ClockedMotion):
+            return self
+        return replace(self, problem=replace(self.problem, motion=motion.about(states)))
 
     def problem_at(self, theta: FloatArray) -> Problem:
         """Return the problem with standard deviations multiplied by ``exp(theta)``, (c,)."""

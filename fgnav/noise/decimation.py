@@ -52,9 +52,9 @@ class Subset(WrappedSensor):
         """Degrees of freedom of each measurement, (k,)."""
         return self.measurement.freedom[self.indices]
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,); see ``Sensor``."""
-        return self.measurement.linearise(at, self.indices[which])
+        return self.measurement.linearise(at, self.indices[indices])
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""

@@ -18,6 +18,7 @@ import numpy as np
 from fgnav.assembly.calibration_request import CalibrationRequest, calibration_requests
 from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
+from fgnav.checks import FloatArray
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
@@ -38,6 +39,7 @@ from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
 
 _PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
+_STEEPEST = 2.0  # times a step: more is noise of the secant
 _SETTLED_SIGMAS = 0.3
 _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
@@ -176,9 +178,10 @@ def hyperparameters(
     """
     middle_s = 0.0 if flight.imu is None else middle_of_record_s(flight.imu)
     result = begin or Hyperparameters()
-    clock, theta = result.clock.at(middle_s - result.middle_s), result.theta
+    clock = result.clock.at(middle_s - result.middle_s)
     if prepared is None or clock:
         prepared = build(clock.applied(flight, middle_s), settings)
+    last: tuple[FloatArray, FloatArray] | None = None
     for _ in range(_PASSES):
         if not _shows_noise(prepared):
             return Hyperparameters(), prepared
@@ -187,7 +190,8 @@ def hyperparameters(
         satellites: Mapping[str, float] = {}
         if phase is not None and flight.base is None:
             satellites = satellite_error_factors(phase)
-        posterior = _posterior(at, settings, prepared, satellites, theta)
+        theta, is_first = result.theta, last is None
+        posterior = _posterior(at, settings, prepared, satellites, theta, is_first=is_first)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
         result = replace(
@@ -200,16 +204,30 @@ def hyperparameters(
                 for one in now
             ),
         )
-        theta = result.theta
         step = next((one for one in now if one.kind == CLOCK), None)
         is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
         if step is None or not (clock or is_off):
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
-        clock = ClockCorrection._make(np.add(clock, step.value).tolist())
+        last = step.value, _by_secant(step.value, last)
+        clock = ClockCorrection._make(np.add(clock, last[1]).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
     return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
+
+
+def _by_secant(step: FloatArray, last: tuple[FloatArray, FloatArray] | None) -> FloatArray:
+    """Return by how much to move timestamps where the data ask for ``step``.
+
+    ``last`` are the step asked for before and the move that was made: of the step remains what
+    averaging over the derivative's step has left.
+    """
+    if last is None:
+        return step
+    before, move = last
+    taken = before - step
+    factor = np.divide(move, taken, out=np.ones_like(step), where=taken != 0.0)
+    return np.asarray(step * factor.clip(1 / _STEEPEST, _STEEPEST))
 
 
 def _shows_noise(prepared: PreparedFlight) -> bool:
@@ -238,6 +256,8 @@ def _posterior(
     prepared: PreparedFlight,
     satellites: Mapping[str, float],
     begin: Mapping[str, float],
+    *,
+    is_first: bool,
 ) -> NoisePosterior:
     """Return the most probable noise of a problem; the search begins at theta by component."""
     problem, keyframes = decimated(prepared)
@@ -259,7 +279,7 @@ def _posterior(
     names = [name.removesuffix(AT_REST) for name in components.names]
     prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))
     theta = np.array([begin.get(name, 0.0) for name in components.names])
-    return noise_posterior(components, prior, theta)
+    return noise_posterior(components, prior, theta, several=is_first)
 
 
 def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:
