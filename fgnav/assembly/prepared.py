@@ -17,7 +17,7 @@ from fgnav.types.integers import ArcInteger, Integers
 
 
 class Earlier(NamedTuple):
-    """What the problem of a flight that goes on needs of its beginning, which is not kept.
+    """Summary of earlier keyframes for the problem of a flight that continues.
 
     Of a flight with a gyroscope and one antenna, or fixes, whose heading is known.
     """
@@ -52,7 +52,7 @@ class PreparedFlight:
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
-        """Return the same with its problem changed, and that of its opening."""
+        """Apply a change to the problem, and to that of the opening."""
         opening = self.opening
         if opening is not None:
             aligned = None if opening.aligned is None else by(opening.aligned)

@@ -46,7 +46,7 @@ class Exchange(NamedTuple):
     runner_up_ratio: float
 
     def message(self, flight: Flight) -> str:
-        """Return what was found, with the evidence."""
+        """Return the finding with its evidence."""
         first, second = (flight.antennas[i].name for i in self.pair)
         return (
             f"{first} and {second} are exchanged from {self.from_s:.1f} to {self.until_s:.1f} s: "
@@ -113,7 +113,7 @@ def exchanged_antennas(
 
 
 def _fits_by_lambda(flight: Flight, differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape by integers that were found without it."""
+    """Select the epochs, (n,), that fit the array's shape by integers found without it."""
     if not len(differences.t_s):
         return np.zeros(0, dtype=np.bool_)
     integers = Lambda()(differences, flight)
@@ -123,7 +123,7 @@ def _fits_by_lambda(flight: Flight, differences: DoubleDifferences) -> BoolArray
 
 
 def _fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape by LAMBDA's integers or by any others."""
+    """Select the epochs, (n,), that fit the array's shape by LAMBDA's integers or any others."""
     fits = _fits_by_lambda(flight, differences)
     (others,) = np.nonzero(~fits)
     if len(others):

@@ -6,25 +6,14 @@ Owns the contract of a learned measurement (``manifest``), the bounded run of it
 (``correlation``). Nothing is unpickled; torch is not needed.
 """
 
-from typing import Any
+from fgnav.lazy import lazy
 
-_HOMES = {
-    "Covariance": "fgnav.neural.manifest",
-    "Input": "fgnav.neural.manifest",
-    "Manifest": "fgnav.neural.manifest",
-    "NeuralFactor": "fgnav.neural.factor",
-    "Output": "fgnav.neural.manifest",
-    "Record": "fgnav.neural.records",
-    "read_manifest": "fgnav.neural.manifest",
-    "save_manifest": "fgnav.neural.manifest",
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Load a name when it is first used: a factor brings GTSAM."""
-    from importlib import import_module  # noqa: PLC0415
-
-    if name not in _HOMES:
-        msg = f"module 'fgnav.neural' has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy(
+    __name__,
+    {
+        "factor": ("NeuralFactor",),
+        "manifest": ("Covariance", "Input", "Manifest", "Output", "read_manifest", "save_manifest"),
+        "outputs": ("factor_of",),
+        "records": ("Record",),
+    },
+)

@@ -33,7 +33,7 @@ _STEP_S = 0.05
 
 
 class ClockCorrection(NamedTuple):
-    """What is added to timestamps of an inertial unit, mid-record, and how that grows."""
+    """Correction of an IMU's timestamps: offset at mid-record and rate."""
 
     offset_s: float = 0.0
     rate_ppm: float = 0.0
@@ -43,7 +43,7 @@ class ClockCorrection(NamedTuple):
         return any(self)
 
     def at(self, later_s: float) -> "ClockCorrection":
-        """Return the same with the offset of a time so much later."""
+        """Return the correction with its offset at a later time."""
         return ClockCorrection(self.offset_s + PPM * self.rate_ppm * later_s, self.rate_ppm)
 
     def applied(self, flight: Flight, middle_s: float) -> Flight:

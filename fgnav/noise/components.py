@@ -57,7 +57,7 @@ class Score(NamedTuple):
 
 
 class Standstill(NamedTuple):
-    """Where a decimated problem stands still."""
+    """Keyframes of a decimated problem at standstill."""
 
     keyframes: BoolArray  # (n,)
     share: FloatArray  # (n - 1,), of each interval
@@ -179,7 +179,7 @@ class NoiseComponents:
             yield np.arange(of.start, of.stop), *shares, variance
 
     def _shares(self, of: slice) -> tuple[FloatArray, FloatArray]:
-        """Return what components are of the rows' covariance, (k, c, D, D), and the rest of it."""
+        """Compute the components of the rows' covariance, (k, c, D, D), and the remainder."""
         names, parts, fixed = self.problem.motion.noise_parts(of)
         if self._standstill is None:
             return parts, fixed

@@ -52,16 +52,16 @@ class Subset(WrappedSensor):
         """Degrees of freedom of each measurement, (k,)."""
         return self.measurement.freedom[self.indices]
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,); see ``Sensor``."""
-        return self.measurement.linearise(at, self.indices[which])
+        return self.measurement.linearise(at, self.indices[indices])
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""
         return self.measurement.factor(int(self.indices[i]), key)
 
     def on(self, row: IntArray) -> "Subset":
-        """Return the same measurements at other keyframes, (k,)."""
+        """Move the measurements to other keyframes, (k,)."""
         return replace(self, keyframes=row)
 
 

@@ -1,8 +1,8 @@
-"""Noise, clock, latency and lever arm of a flight, result from the flight itself.
+"""Estimate noise, clock, latency and lever arm of a flight from the flight itself.
 
 One marginal likelihood serves flights with and without phases. Its hyperparameters are the noises
 of ``components`` and the errors of satellites; clock, latency and lever arm are constants of the
-same problem. Timestamps are moved by the clock that is result until nothing is left to move.
+same problem. Timestamps are moved by the estimated clock until the estimate no longer changes.
 
 References
 ----------
@@ -46,7 +46,7 @@ _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Hyperparameters:
-    """What a flight has determined of its own noise and times."""
+    """Noise and time parameters estimated from a flight."""
 
     # On nominal standard deviations, by component; those that are as stated are left out.
     factors: Mapping[str, float] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Hyperparameters:
 
     @property
     def is_nominal(self) -> bool:
-        """Whether noise and times are as the flight states them."""
+        """True if noise and times are nominal."""
         return not (self.factors or self.satellites or self.clock or self.significant)
 
     @property
@@ -104,7 +104,7 @@ class Hyperparameters:
 def identified(
     flight: Flight, settings: ProblemSettings, build: Build
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines of its noise and times, and its problem with these.
+    """Estimate noise, clock and latency of a flight, and build its problem with them.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def hyperparameters(
     prepared: PreparedFlight | None = None,
     begin: Hyperparameters | None = None,
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines, and its last problem, with the nominal noise.
+    """Estimate the hyperparameters of a flight, and return its last problem with nominal noise.
 
     Parameters
     ----------

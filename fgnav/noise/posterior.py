@@ -35,7 +35,7 @@ _MISFIT = 4.0  # of the cost to the number of measurements
 
 
 class Prior(NamedTuple):
-    """Of theta: its scale about zero, and where it is bounded below, (c,) each."""
+    """Prior of theta: scale about zero, and lower bounds, (c,) each."""
 
     sigma: FloatArray
     least: FloatArray

@@ -149,7 +149,7 @@ def of_axes(
 
 @kernel
 def like(T_s: float, poles_per_s: FloatArray, spans_s: FloatArray, poles: FloatArray) -> int:
-    """Return which of some intervals, (r,) with poles (r, 3, 3), another one is like, or -1."""
+    """Find an interval, of r with poles (r, 3, 3), that equals another one, or -1."""
     for i in range(len(spans_s)):
         alike = abs(spans_s[i] - T_s) <= SAME_S
         for axis in range(3):
@@ -186,7 +186,7 @@ def _response(t_s: float, poles_per_s: FloatArray) -> tuple[float, float, float,
 
 @kernel
 def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, float, float]:
-    """Return the same by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
+    """Compute the transition by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
     before, last, now = 0.0, 0.0, 1.0  # derivatives n - 2, n - 1 and n at zero, from n = 2
     p2, p1, p, p_1 = 1.0, t_s, t_s**2 / 2, t_s**3 / 6  # t^m / m! of m = n - 2 to n + 1
     h, h1, h2, turned = 0.0, 0.0, 0.0, 0.0

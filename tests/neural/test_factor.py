@@ -9,8 +9,9 @@ import pytest
 
 from fgnav.geometry import rotations
 from fgnav.geometry.interpolation import interpolate
+from fgnav.graph import jacobian_misfit
 from fgnav.graph.correlation import inflation, interval_s
-from fgnav.graph.custom import check_factor, jacobian_misfit
+from fgnav.graph.custom import check_factor
 from fgnav.graph.keys import Timeline, constant, pose, velocity
 from fgnav.messages import note
 from fgnav.neural import NeuralFactor, Record

@@ -172,13 +172,13 @@ def initial_shape(
 
 
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
-    """Return which of the constants is the place of each antenna but the reference; -1 of none."""
-    places = {one.name: k for k, one in enumerate(constants)}
+    """Find the constant that is the position of each antenna but the reference; -1 of none."""
+    places = {constant.name: k for k, constant in enumerate(constants)}
     return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
 
 
 def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> FloatArray:
-    """Return how far antennas, (a,) of them, are from their places, (a, 3)."""
+    """Compute the errors of antenna positions, (a, 3)."""
     differences, ranges_m, attitude = fixed
     information, vector = baseline_information(differences, ranges_m)
     nominal = differences.baselines_b_m

@@ -30,7 +30,7 @@ class Rows(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where whitened residuals and derivatives of j intervals go; as ``LinearisedMotion``."""
+    """Output arrays for residuals and derivatives of j intervals, as ``LinearisedMotion``."""
 
     value: FloatArray  # (j, D, 1)
     before: FloatArray  # (j, D, D)
@@ -40,13 +40,13 @@ class Filled(NamedTuple):
 
 @kernel
 def linearise(
-    which: IntArray, of: Intervals, before: Rows, after: Rows, mean: FloatArray, out: Filled
+    indices: IntArray, of: Intervals, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
     """Fill whitened residuals of intervals, (j,), and their derivatives.
 
     Parameters
     ----------
-    which : ndarray of int, shape (j,)
+    indices : ndarray of int, shape (j,)
     of : Intervals
     before, after : Rows
         States of the j intervals' ends.
@@ -55,8 +55,8 @@ def linearise(
     out : Filled
     """
     path = empty_path()
-    for row in range(len(which)):
-        k = which[row]
+    for row in range(len(indices)):
+        k = indices[row]
         _clear(row, out)
         turn(before.R_nb[row], after.R_nb[row], path)
         integrate(of, k, before.aux[row], after.aux[row], path)
@@ -72,11 +72,11 @@ def linearise(
 
 
 @kernel
-def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, after: Rows) -> None:
+def predict(indices: IntArray, of: Intervals, before: Rows, mean: FloatArray, after: Rows) -> None:
     """Fill the states that intervals, (j,), lead to: the mean of the process, forces integrated."""
     path = empty_path()
-    for row in range(len(which)):
-        k = which[row]
+    for row in range(len(indices)):
+        k = indices[row]
         T, x, y = of.span_s[k], before.aux[row], after.aux[row]
         _lead_lasting(of.lasting[k], x, y)
         for i in range(3):

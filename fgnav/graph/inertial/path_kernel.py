@@ -14,7 +14,7 @@ from fgnav.kernels.compiled import kernel
 
 
 class Intervals(NamedTuple):
-    """What is known of n - 1 intervals before their states; see ``gyro_free.GyroFree``."""
+    """Constants of n - 1 intervals, independent of their states; see ``gyro_free.GyroFree``."""
 
     span_s: FloatArray  # (n - 1,)
     step_s: FloatArray  # (n - 1,)
