@@ -25,7 +25,7 @@ import numpy as np
 import torch
 
 import fgnav
-from fgnav.evaluation.networks import calibration, referee
+from fgnav.evaluation import calibration, referee
 from fgnav.geometry import rotations
 from fgnav.neural import Record
 from fgnav_models import learn

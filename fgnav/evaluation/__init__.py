@@ -2,4 +2,6 @@
 
 from fgnav.lazy import lazy
 
-__getattr__ = lazy(__name__, {"scores": ("errors_against",)})
+__getattr__ = lazy(
+    __name__, {"networks": ("calibration", "referee"), "scores": ("errors_against",)}
+)

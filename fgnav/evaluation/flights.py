@@ -85,7 +85,7 @@ class FlightsComparison:
         }
 
     def paired(self, name: str, method: str, against: str | None = None) -> Paired:
-        """Return what a method gains against another, by default the first one."""
+        """Return the gain of a method over another, by default over the first."""
         other = self.figure(name, against or self.methods[0])
         return paired(self.figure(name, method), other, _rng(name))
 

@@ -175,7 +175,7 @@ class NeuralFactor:
     def answers(
         self, flight: Flight, t_s: FloatArray
     ) -> tuple[IntArray, Answers, tuple[Unused, ...]]:
-        """Return which times, (n,), of a flight have an answer, (k,), these, and the losses.
+        """Return the times, (n,), with an answer, the answers, (k,), and measurements not used.
 
         Raises
         ------
@@ -188,7 +188,7 @@ class NeuralFactor:
         return inside, self._network([x[inside] for x in seen.inputs]), self._unused(lost)
 
     def records_of(self, flight: Flight) -> list[Record]:
-        """Return what the network sees of a flight, by its inputs; errors as of a call."""
+        """Return the network's inputs of a flight; errors as of a call."""
         return self._records({**of_flight(flight), **self._given}, flight.name) or []
 
     def _check(self, sensor: str, record: Record) -> None:

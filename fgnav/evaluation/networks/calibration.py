@@ -1,4 +1,4 @@
-"""How right a network's covariance is, compared with the best constant standard deviations.
+"""Calibration of a network's covariance next to the best constant standard deviations.
 
 Errors e and covariances P of all answers on flights with truth, in the output's tangent:
 
@@ -129,8 +129,8 @@ def calibration(factors: Sequence[NeuralFactor], flights: Sequence[Flight]) -> C
     """
     network = factors[0].network
     output = network.manifest.output
-    errors = [_errors(*one) for one in zip(factors, flights, strict=True)]
-    white = [(one.t_s, one.normalised) for one in errors if len(one.t_s) > 2]
+    errors = [_errors(*given) for given in zip(factors, flights, strict=True)]
+    white = [(each.t_s, each.normalised) for each in errors if len(each.t_s) > 2]
     if len(white) < 2:
         raise BadInputError(
             f"{network.path}: {len(white)} of {len(flights)} flights have three answers or more; "
@@ -138,14 +138,16 @@ def calibration(factors: Sequence[NeuralFactor], flights: Sequence[Flight]) -> C
         )
     sigmas = _sigmas(errors, alike=output.measures == "direction")
     constants = [
-        np.broadcast_to(np.eye(one.error.shape[1]) * sigma**2, one.covariance.shape)
-        for one, sigma in zip(errors, sigmas, strict=True)
+        np.broadcast_to(np.eye(each.error.shape[1]) * sigma**2, each.covariance.shape)
+        for each, sigma in zip(errors, sigmas, strict=True)
     ]
-    e, P = (np.concatenate([getattr(one, name) for one in errors]) for name in _Errors._fields[1:3])
+    e, P = (
+        np.concatenate([getattr(each, name) for each in errors]) for name in _Errors._fields[1:3]
+    )
     gains = [
-        negative_log_likelihood(one.error, one.covariance)
-        - negative_log_likelihood(one.error, constant)
-        for one, constant in zip(errors, constants, strict=True)
+        negative_log_likelihood(each.error, each.covariance)
+        - negative_log_likelihood(each.error, constant)
+        for each, constant in zip(errors, constants, strict=True)
     ]
     axes, lasting = 2 if output.measures == "direction" else None, lasting_share(white)
     interval = interval_s(output.half_life_s)
@@ -153,12 +155,12 @@ def calibration(factors: Sequence[NeuralFactor], flights: Sequence[Flight]) -> C
         name=network.manifest.name,
         unit="rad" if output.unit == "deg" else output.unit,
         count=len(e),
-        outside=sum(one.outside for one in errors),
+        outside=sum(each.outside for each in errors),
         rmse=float(np.sqrt((e**2).sum() / len(e))),
         network=_scores(e, P),
         constant=_scores(e, np.concatenate(constants)),
         gain=pooled(np.array(gains), np.random.default_rng(_SEED), squared=False),
-        sigmas=tuple(tuple(one[: 1 if axes else None].tolist()) for one in sigmas),
+        sigmas=tuple(tuple(sigma[: 1 if axes else None].tolist()) for sigma in sigmas),
         half_life_s=half_life_s(white, lasting, axes=axes),
         lasting=lasting,
         together=(
@@ -171,8 +173,8 @@ def calibration(factors: Sequence[NeuralFactor], flights: Sequence[Flight]) -> C
 
 def _sigmas(errors: Sequence[_Errors], *, alike: bool) -> FloatArray:
     """Return the RMS of all other flights' errors, (flights, f); alike, one for all axes."""
-    squares = np.array([(one.error**2).sum(axis=0) for one in errors])
-    counts = np.array([len(one.error) for one in errors])[:, None]
+    squares = np.array([(each.error**2).sum(axis=0) for each in errors])
+    counts = np.array([len(each.error) for each in errors])[:, None]
     variance = (squares.sum(axis=0) - squares) / (counts.sum() - counts)
     if alike:
         variance = np.repeat(variance.mean(axis=1, keepdims=True), variance.shape[1], axis=1)
@@ -185,7 +187,7 @@ def _errors(factor: NeuralFactor, flight: Flight) -> _Errors:
         raise BadInputError(f"flight {flight.name}: has no truth to judge a network by")
     records = factor.records_of(flight)
     slowest = int(np.argmin([len(record.t_s) for record in records]))
-    spans_s = [one.window / one.rate_hz for one in manifest.inputs]
+    spans_s = [series.window / series.rate_hz for series in manifest.inputs]
     t_s = records[slowest].t_s[covered(truth, records[slowest].t_s)]
     t_s = t_s[t_s >= t_s[:1] + max(*spans_s, manifest.output.over_s or 0.0)]
     t_s = t_s[:: max(1, round(_EVERY_S * manifest.inputs[slowest].rate_hz))]

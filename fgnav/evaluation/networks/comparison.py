@@ -38,13 +38,13 @@ WORTH = {  # figures of ``FIGURES`` by which a network is judged in a method, an
 
 
 def constant_of(network: str) -> str:
-    """Return what tables call a method that has a network's answers at constant sigmas."""
+    """Return the label of a method that has a network's answers at constant sigmas."""
     return f"{network}, constant"
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class NetworksComparison:
-    """What networks answer, and what a method makes of flights with and without them.
+    """Networks judged by their answers, and by a method with and without them.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class NetworksComparison:
     flights: FlightsComparison
 
     def worth(self, figure: str, network: str, against: str) -> Paired:
-        """Return what the method with a network gains, flight by flight, against another one."""
+        """Return the gain of the method with a network over another, flight by flight."""
         return self.flights.paired(figure, network, against)
 
     def __str__(self) -> str:
@@ -70,7 +70,9 @@ class NetworksComparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types; None, and null in JSON, where there is none."""
-        networks = {one.name: asdict(one) | {"answered": one.answered} for one in self.calibrations}
+        networks = {
+            item.name: asdict(item) | {"answered": item.answered} for item in self.calibrations
+        }
         for name, content in networks.items():
             del content["sigmas"]
             content["worth"] = {
@@ -110,8 +112,11 @@ def referee(
         If two networks have one name, a flight has no truth, fewer than two flights can be
         answered, or an answer breaks the contract.
     """
-    sources = [one if isinstance(one, NeuralFactor) else NeuralFactor(one) for one in networks]
-    names = [one.name for one in sources]
+    sources = [
+        network if isinstance(network, NeuralFactor) else NeuralFactor(network)
+        for network in networks
+    ]
+    names = [source.name for source in sources]
     if len(set(names)) < len(names):
         raise BadInputError(f"networks {', '.join(names)}: have one name twice; rename one")
     flights = [replace(flight, networks=()) for flight in flights]
@@ -121,7 +126,7 @@ def referee(
     refusals: list[dict[str, str]] = [{} for _ in flights]
     for source in sources:
         with watch(source.name):
-            factors = [NeuralFactor(source.network, records=one) for one in given]
+            factors = [NeuralFactor(source.network, records=records) for records in given]
             for k, reason in _refusals(factors, flights):
                 refusals[k][source.name] = reason
             suited = [k for k in range(len(flights)) if source.name not in refusals[k]]
@@ -159,6 +164,6 @@ def _refusals(
 def _outcome(
     name: str, flight: Flight, methods: list[Any], refusals: Mapping[str, str], watch: Watch
 ) -> FlightOutcome:
-    """Return what methods make of a flight, and which networks it cannot see it."""
+    """Return the scores of methods on a flight, and the networks that cannot see it."""
     (outcome,) = compare_flights([(name, flight)], methods, watch=watch).flights
     return replace(outcome, failures={**outcome.failures, **refusals})

@@ -36,38 +36,38 @@ def networks_report(comparison: NetworksComparison) -> Report:
         Part("worth", "Worth in the method", _worth(comparison)),
         *(part for part in flights.parts if part.name != "summary"),
     ]
-    names = ", ".join(one.name for one in comparison.calibrations)
+    names = ", ".join(item.name for item in comparison.calibrations)
     return Report(f"{names} on {len(comparison.flights.flights)} flights", flights.methods, parts)
 
 
 def on_screen(comparison: NetworksComparison) -> Blocks:
-    """Return what a terminal shows."""
+    """Return the lines for a terminal."""
     tables = _answers(comparison) + _reliability(comparison) + _worth(comparison)
     return tables + paragraph(*remarks(comparison.flights))
 
 
-def _in_degrees(one: Calibration) -> tuple[float, str]:
+def _in_degrees(item: Calibration) -> tuple[float, str]:
     """Return the factor from SI to what people read, and its unit."""
-    return (_DEGREES, "deg") if one.unit == "rad" else (1.0, one.unit)
+    return (_DEGREES, "deg") if item.unit == "rad" else (1.0, item.unit)
 
 
 def _answers(comparison: NetworksComparison) -> Blocks:
     rows = []
-    for one in comparison.calibrations:
-        scale, unit = _in_degrees(one)
-        sigma = ", ".join(f"{scale * s:.3g}" for s in np.mean(one.sigmas, axis=0))
+    for item in comparison.calibrations:
+        scale, unit = _in_degrees(item)
+        sigma = ", ".join(f"{scale * s:.3g}" for s in np.mean(item.sigmas, axis=0))
         for name, scores in (
-            (f"{one.name}, {unit}", one.network),
-            (f"constant {sigma} {unit}", one.constant),
+            (f"{item.name}, {unit}", item.network),
+            (f"constant {sigma} {unit}", item.constant),
         ):
-            of_network = scores is one.network
+            of_network = scores is item.network
             rows.append(
                 [
                     name,
-                    f"{100 * one.answered:.0f}" if of_network else "",
-                    significant(scale * one.rmse) if of_network else "",
+                    f"{100 * item.answered:.0f}" if of_network else "",
+                    significant(scale * item.rmse) if of_network else "",
                     *map(significant, (scores.nees, scores.nll)),
-                    interval(one.gain) if of_network else "",
+                    interval(item.gain) if of_network else "",
                     significant(scale * scores.energy),
                 ]
             )
@@ -79,39 +79,39 @@ def _answers(comparison: NetworksComparison) -> Blocks:
     return table(heads, rows, caption) + paragraph(*map(_correlation, comparison.calibrations))
 
 
-def _correlation(one: Calibration) -> str:
-    together = one.together
+def _correlation(item: Calibration) -> str:
+    together = item.together
     return (
-        f"{one.name}: {one.count} answers, {one.outside} windows outside the domain or with gaps; "
-        f"{one.lasting:.0%} of the error variance is constant over a flight, half-life of the rest "
-        f"{one.half_life_s:.3g} s; NEES of 1 of a flight's answers together {together[0]:.3g} as "
-        f"the factor counts them, {together[1]:.3g} as if independent"
+        f"{item.name}: {item.count} answers, {item.outside} windows outside the domain or "
+        f"with gaps; {item.lasting:.0%} of the error variance is constant over a flight, half-life "
+        f"of the rest {item.half_life_s:.3g} s; NEES of 1 of a flight's answers "
+        f"together {together[0]:.3g} as the factor counts them, {together[1]:.3g} as if independent"
     )
 
 
 def _reliability(comparison: NetworksComparison) -> Blocks:
     rows = []
-    for one in comparison.calibrations:
-        scale, unit = _in_degrees(one)
+    for item in comparison.calibrations:
+        scale, unit = _in_degrees(item)
         rows += [
             [
-                f"{one.name}, {unit}",
+                f"{item.name}, {unit}",
                 *map(significant, (scale * b.predicted, scale * b.rms, b.nees)),
                 str(b.count),
             ]
-            for b in one.bins
+            for b in item.bins
         ]
     heads = ["reliability", "predicted sigma", "RMS of errors", "NEES, of 1", "answers"]
     return table(heads, rows, "By predicted sigma, of each axis.")
 
 
-def _reliability_chart(one: Calibration) -> Chart:
-    scale, unit = _in_degrees(one)
-    predicted, rms = scale * np.array([(b.predicted, b.rms) for b in one.bins]).T
+def _reliability_chart(item: Calibration) -> Chart:
+    scale, unit = _in_degrees(item)
+    predicted, rms = scale * np.array([(b.predicted, b.rms) for b in item.bins]).T
     ends = np.array([min(predicted.min(), rms.min()), max(predicted.max(), rms.max())])
-    lines = [Line(TRUTH, ends, ends), Line(one.name, predicted, rms, dots=True)]
+    lines = [Line(TRUTH, ends, ends), Line(item.name, predicted, rms, dots=True)]
     return Chart(
-        f"Reliability of {one.name}", f"RMS of errors, {unit}", lines, f"sigma, {unit}", log="xy"
+        f"Reliability of {item.name}", f"RMS of errors, {unit}", lines, f"sigma, {unit}", log="xy"
     )
 
 
@@ -123,7 +123,7 @@ def _worth(comparison: NetworksComparison) -> Blocks:
     )
     return [
         block
-        for network in (one.name for one in comparison.calibrations)
+        for network in (item.name for item in comparison.calibrations)
         for block in table(
             [*heads, "less constant"], _worth_rows(comparison, network), f"{network}: {caption}"
         )

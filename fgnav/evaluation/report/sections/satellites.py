@@ -1,4 +1,4 @@
-"""What methods leave of GNSS observations, satellite by satellite."""
+"""Residuals of GNSS observations, satellite by satellite."""
 
 from collections.abc import Iterator, Sequence
 
