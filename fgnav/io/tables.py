@@ -126,6 +126,15 @@ def is_number(text: str | bytes) -> bool:
     return True
 
 
+def numbers(texts: np.ndarray) -> FloatArray:
+    """Return texts as numbers, NaN of those that are none."""
+    try:
+        return np.asarray(texts.astype(np.float64))
+    except ValueError:
+        values = [float(x) if is_number(x) else np.nan for x in texts.ravel().tolist()]
+        return np.array(values).reshape(texts.shape)
+
+
 def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:
     """Write a table.
 

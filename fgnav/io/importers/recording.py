@@ -18,6 +18,7 @@ _PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
 _NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
 _SHARED = 0.1  # of samples, that have the timestamp of the one before: fewer are repeated rows
 _MOST_SET_BACK = 1000  # rows of a clock that was set back for a while
+ABOVE_SEA = "heights are above the sea: the file has no undulation, which shifts all alike"
 Clock: TypeAlias = Literal["gps", "week", "own"]
 
 

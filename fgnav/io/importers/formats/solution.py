@@ -21,6 +21,7 @@ from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples
 from fgnav.io.gps_time import UNIX_OF_GPS_S, WEEK_S, gps_of_utc
 from fgnav.io.importers.formats.parts import Timed, joined
+from fgnav.io.importers.recording import ABOVE_SEA
 
 _MM, _CM, _MS, _DEG = 1e-3, 1e-2, 1e-3, 180 / np.pi
 _DAY_S = 86_400.0
@@ -28,6 +29,10 @@ _NO_TOW = 2**32 - 1  # of SBF
 _MOST = 1e9  # SBF writes -2e10 where it has no value
 _PROTOCOLS = ("ubx", "sbf", "novatel", "nmea")  # of two that state the same, the first is taken
 _NO_FIX = {0: "the receiver had no fix", 6: "dead reckoning", 7: "manual", 8: "simulated"}
+_UNTIMED = (
+    "headings of HDT and THS have the time of the sentence before; where a receiver puts them "
+    "first, they are an epoch late: set it to put out GGA before"
+)
 _HEADINGS = ("heading", "pitch", "heading sigma", "pitch sigma")
 _HEADING_COLUMNS = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
 _COLUMNS = {
@@ -85,7 +90,7 @@ STATED: dict[str, list[Part]] = {
         ("HEADING", "HEADING2", "DUALANTENNAHEADING"),
         _headings("heading", "pitch", "sigma_heading", "sigma_pitch"),
     ),
-    "GGA": [Part("place", ("lat", "lon", "alt"))],
+    **{name: [Part("place", ("lat", "lon", "alt"))] for name in ("GGA", "GNS")},
     "GST": [Part("place sigma", ("stdLat", "stdLong", "stdAlt"))],
     "HDT": _headings("headingT"),
     "THS": _headings("headt"),
@@ -103,7 +108,7 @@ class Solution:
         default_factory=lambda: defaultdict(list)
     )
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    above_sea: bool = False  # whether heights lack the undulation
+    notes: dict[str, str] = field(default_factory=dict)  # by key of flight.toml
     is_dated: bool = False
 
     def of(self, *kinds: str) -> list[Timed]:
@@ -164,9 +169,10 @@ def take(messages: Iterable[tuple[str, str, Any]], near_s: float | None, into: S
         for part in STATED[name]:
             x = np.array([_number(getattr(one, field, "")) for field in part.fields])
             x = np.sqrt(np.maximum(x, 0.0)) if part.is_variance else x * part.unit
-            if name == "GGA":
-                into.above_sea |= one.sep == ""
+            if part.kind == "place" and hasattr(one, "sep"):
+                into.notes |= {"fixes": ABOVE_SEA} if one.sep == "" else {}
                 x[2] += one.sep or 0.0
+            into.notes |= {"baseline": _UNTIMED} if name in ("HDT", "THS") else {}
             if np.isfinite(x).all():
                 into.rows[protocol, part.kind].append((round(t, 3), *x.tolist()))
             else:
@@ -190,6 +196,8 @@ def _no_use(name: str, one: Any) -> str:  # noqa: ANN401
         return "no solution was computed"
     if name == "GGA":
         return _NO_FIX.get(one.quality or 0, "")
+    if name == "GNS" and set(one.posMode) <= set("NEMS"):
+        return _NO_FIX[0]
     if name == "RMC":
         return "speed and course without a vertical velocity"
     if (name == "THS" and one.mi != "A") or (name == "PASHR" and not getattr(one, "gnssQual", 0)):
