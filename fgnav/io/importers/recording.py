@@ -16,7 +16,8 @@ from fgnav.types.flight import TruthSource
 
 # After which counters begin anew: 32 bits of ns, us and ms; a day, a week.
 _PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
-_NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
+# A wrap hides no gap of more than three steps, or one hundredth of a period, a tenth at the most.
+_NEAR_STEPS, _GAP_OF_PERIOD, _MOST_OF_PERIOD = 3.0, 0.01, 0.1
 _MOST_SET_BACK = 1000  # rows of a clock that was set back for a while
 _SHARED = 0.1  # of samples, that have the timestamp of the one before: fewer are repeated rows
 ABOVE_SEA = "heights are above the sea: the file has no undulation, which shifts all alike"
@@ -131,7 +132,8 @@ def _unwrapped(t_s: FloatArray) -> FloatArray:
     step_s = np.diff(t_s)
     usual_s = float(np.median(np.abs(step_s))) if len(step_s) else 0.0
     for period_s in _PERIODS_S:
-        most_s = min(_NEAR_STEPS * usual_s, _MOST_OF_PERIOD * period_s)
+        most_s = max(_NEAR_STEPS * usual_s, _GAP_OF_PERIOD * period_s)
+        most_s = min(most_s, _MOST_OF_PERIOD * period_s)
         wraps = (step_s > -period_s) & (step_s <= most_s - period_s)
         if wraps.any():
             t_s = t_s + period_s * np.concatenate([[0], np.cumsum(wraps)])
