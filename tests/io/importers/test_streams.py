@@ -147,7 +147,7 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path, order):
     content = gga("235942.00").encode() + b"".join(one for pair in pairs for one in pair)
     flight, unused, _ = read(tmp_path, "ubx", content)
     assert_fixes(flight)
-    assert unused == {"place of nmea: ubx has it, too": 1}
+    assert unused == {"latitude_deg of nmea: ubx has it, too": 1}
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035)
     (baseline,) = flight.baselines
     np.testing.assert_allclose(baseline.t_s, flight.fixes[0].t_s, atol=1e-6)
