@@ -1,4 +1,4 @@
-"""How likely a linearised flight holds the truth, and how that answers to given measurements.
+"""Log-likelihood of the truth in a linearised flight, and its derivatives by measurements.
 
 A problem is linearised once; measurements with residuals r, Jacobians J = [J_x, J_c] by one
 keyframe each and by the constants, and covariances C enter it. Posterior marginals of the judged
@@ -104,7 +104,7 @@ class LinearisedFlight:
         judged: Judged,
         shared: FloatArray | None = None,
     ) -> Likelihood:
-        """Return how likely the truth is beside given measurements.
+        """Compute the log-likelihood of the truth given the measurements.
 
         Parameters
         ----------
