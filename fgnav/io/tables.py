@@ -128,7 +128,7 @@ def is_number(text: str | bytes) -> bool:
 
 
 def increasing(t: FloatArray | IntArray) -> BoolArray:
-    """Return which of (k,) times make the longest row that increases, by patience sorting [1]_.
+    """Return the longest increasing selection of (k,) times as a mask, by patience sorting [1]_.
 
     A time that is wrong costs itself alone, and of a clock that begins anew the longer part is
     left.
