@@ -1,12 +1,13 @@
 """Time series as CSV: one header line of column names, then numbers; strict both ways."""
 
 import re
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, quoted
+from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, quoted
 from fgnav.io.flight.columns import fault_of_columns, largest
 from fgnav.io.user_files import read_bytes
 
@@ -124,6 +125,42 @@ def is_number(text: str | bytes) -> bool:
     except ValueError:
         return False
     return True
+
+
+def increasing(t: FloatArray | IntArray) -> BoolArray:
+    """Return the longest increasing selection of (k,) times as a mask, by patience sorting [1]_.
+
+    A time that is wrong costs itself alone, and of a clock that begins anew the longer part is
+    left.
+
+    References
+    ----------
+    .. [1] D. E. Knuth, The Art of Computer Programming, volume 3, 1998, section 5.1.4.
+    """
+    kept: BoolArray = np.ones(len(t), np.bool_)
+    if (np.diff(t) > 0).all():
+        return kept
+    last, ends, before = list[float](), list[int](), list[int]()  # of the best row of each length
+    longest = -1  # where the first of the longest rows ends
+    for k, time in enumerate(t.tolist()):
+        length = bisect_left(last, time)
+        longest = k if length == len(last) else longest
+        before.append(ends[length - 1] if length else -1)
+        last[length : length + 1] = [time]
+        ends[length : length + 1] = [k]
+    kept[:] = False
+    while longest >= 0:
+        kept[longest], longest = True, before[longest]
+    return kept
+
+
+def numbers(texts: np.ndarray) -> FloatArray:
+    """Return texts as numbers, NaN of those that are none."""
+    try:
+        return np.asarray(texts.astype(np.float64))
+    except ValueError:
+        values = [float(x) if is_number(x) else np.nan for x in texts.ravel().tolist()]
+        return np.array(values).reshape(texts.shape)
 
 
 def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:

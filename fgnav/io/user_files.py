@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 from zipfile import BadZipFile, ZipFile
 
-from fgnav.checks import BadInputError
+from fgnav.checks import BadInputError, Unused
 
 LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 # RINEX, SP3 and CSV shrink 3 to 20 times (the recordings in use: 3.3 to 13); a bomb 1,000 times.
@@ -104,14 +104,22 @@ def unmarked(content: bytes) -> bytes:
     return content.decode(encoding_of(content[:4]), "replace").encode("latin-1", "replace")
 
 
-def read_lines(path: Path) -> list[str]:
+def read_lines(path: Path) -> tuple[list[str], Unused]:
     """Return the lines of a text that a program wrote, in any encoding, without their ends.
 
-    Lines after a Ctrl-Z, which ends a text of DOS, are left out.
+    A last line without its end is left out, since a number of it may be cut; that is counted. What
+    stands after the Ctrl-Z that ends a text of DOS is none.
     """
     content = read_bytes(path)
-    text = content.decode(encoding_of(content[:4]), "replace")
-    return text.rstrip("\x1a\0\r\n").splitlines()
+    try:
+        text = content.decode(encoding_of(content[:4]))
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+    lines = text.rstrip("\x1a\0").splitlines()
+    is_cut = len(lines) > 1 and not text.rstrip("\0").endswith(("\n", "\r", "\x1a"))
+    reason = "has no line end: the file may be cut there"
+    lost = Unused(what=f"{path.name} last line", reason=reason, count=int(is_cut))
+    return lines[: len(lines) - is_cut], lost
 
 
 def unpacked(path: Path, content: bytes) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.tables import read_table, write_table
+from fgnav.io.tables import increasing, read_table, write_table
 
 GOOD = "t_s,x,y\n0,1,2\n0.5,3,4\n1,5,6\n"
 
@@ -80,3 +80,25 @@ def test_written_table_is_read_back(tmp_path):
 @pytest.mark.parametrize("module", [gzip, bz2, lzma])
 def test_a_packed_table_is_read(tmp_path, module):
     assert read(tmp_path, module.compress(GOOD.encode()))["y"].tolist() == [2, 4, 6]
+
+
+def test_the_longest_increasing_row_is_that_of_all_subsets():
+    rng = np.random.default_rng(5)
+    for t in rng.integers(0, 9, (60, 8)):
+        rows = (np.array(list(np.binary_repr(k, 8))) == "1" for k in range(256))
+        most = max(int(row.sum()) for row in rows if (np.diff(t[row]) > 0).all())
+        kept = increasing(t)
+        assert (np.diff(t[kept]) > 0).all()
+        assert kept.sum() == most
+
+
+@pytest.mark.parametrize(
+    ("t", "kept"),
+    [
+        ([0, 1, 900, 3, 4], [0, 1, 3, 4]),  # one damaged time
+        ([0, 1, 2, 0.5, 1.5, 2.5, 3.5], [0, 0.5, 1.5, 2.5, 3.5]),
+        ([0, 1, 2, 1.5], [0, 1, 2]),
+    ],
+)
+def test_a_wrong_time_costs_itself_alone(t, kept):
+    assert np.array(t)[increasing(np.array(t))].tolist() == kept

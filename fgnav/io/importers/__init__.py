@@ -35,7 +35,7 @@ FORMATS = {
     "mcap": Format("ros:read_bag", (b"\x89MCAP0",)),
     "nmea": Format(
         "receivers:read_stream",
-        line=rb"\$(?:[A-Z]{2}(?:GGA|RMC|GNS|GST|ZDA|GLL|VTG|GS[AV]|HDT|THS)|PASHR),",
+        line=rb".{,80}\$(?:[A-Z]{5}|P[A-Z0-9]+),[\x20-\x7e]*\*[0-9A-Fa-f]{2}\s*$",
         suffix=".nmea",
     ),
     "ubx": Format("receivers:read_stream", (b"\xb5\x62",), suffix=".ubx"),

@@ -6,20 +6,22 @@ neither a name nor the size of the numbers determines are marked ``unconfirmed``
 
 import csv
 import re
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
-from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, RATE, VELOCITY
+from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, POSITION_SIGMA, RATE, VELOCITY
 from fgnav.io.importers.formats.text_columns import is_date, time_zone, usual_width
 from fgnav.io.importers.settings import UNITS, CsvTable
-from fgnav.io.tables import is_number
+from fgnav.io.tables import is_number, numbers
 from fgnav.io.user_files import read_lines
 
 _ROWS = 20_000  # looked at
 _MOST_SHARE_ODD = 0.01  # of rows, that may break a rule: cut lines
+_MOST_ODD = 20  # rows: of more, one may, whatever its share
 # Names in the wild, lower case, without units: PX4's, Xsens', loggers', MATLAB's, ROS's.
 _BEFORE = r"(?:.*[_./ ])?"
 _TRIPLES = (
@@ -32,9 +34,9 @@ _VELOCITY = r"(?:.*[_./ ])?(?:v(?:el\w*)?[_. ]?{axis}|{axis}[_. ]?v(?:el\w*)?)"
 _NAMES = (
     {
         "t_s": rf"{_BEFORE}(?:t|i?tow|sow)|.*(?:time|stamp|utc|unix|epoch|date|sec(?:ond)?s?\b).*",
-        "latitude_deg": rf"{_BEFORE}lat(?:itude)?.*",
-        "longitude_deg": rf"{_BEFORE}(?:lon(?:gitude)?|lng).*",
-        "height_m": rf"{_BEFORE}(?:h|hgt|height|alt(?:itude)?|ellips).*",
+        "latitude_deg": rf"{_BEFORE}lat(?:itude)?(?:[^a-z].*)?",
+        "longitude_deg": rf"{_BEFORE}(?:lon(?:g(?:itude)?)?|lng)(?:[^a-z].*)?",
+        "height_m": rf"{_BEFORE}(?:h|(?:hgt|height|h_?(?:ell|ae|msl)|alt|ellips).*)",
     }
     | {
         name: rf"{_BEFORE}(?:(?:{first})[_. ]?(?:{axis}|\[{k}\])|{axis}[_. ]?(?:{last}))"
@@ -46,12 +48,17 @@ _NAMES = (
         for names, pattern in ((VELOCITY, _VELOCITY), (BASELINE, _POSITION))
         for name, axis in zip(names, "ned", strict=True)
     }
+    | {
+        name: rf"{_BEFORE}(?:sigma|std|sd)[_. ]?(?:{axis})"
+        for name, axis in zip(POSITION_SIGMA, (*"ne", "[du]"), strict=True)
+    }
 )
 _UP = {
     names[2]: re.compile(pattern.format(axis=_AXIS_WORDS["u"]))
     for names, pattern in ((VELOCITY, _VELOCITY), (BASELINE, _POSITION))
 }
-_NO_VALUE = re.compile(r"sigma|std|sd[neuv]|acc(?:uracy)?$|err|cov|var|dop|rms|valid|status")
+_NO_VALUE = re.compile(r"^b_|bias|sigma|std|sd[neuv]|err|cov|var|dop|rms|valid|status|noise|offset")
+_ACCURACY = re.compile(r"acc(?:uracy)?$")
 _ABOVE_SEA = re.compile(r"msl|sea|geoid|undul|agl|baro|rel")
 _BRACKETS = re.compile(r"[\[(]([^\])]*[^\])\d][^\])]*)[\])]\s*$")  # [0] is an index
 _ENDING = re.compile(
@@ -63,7 +70,8 @@ _NEAR = 0.3  # of that: a vehicle's mean is gravity's, vibration and biases make
 _SMOOTH_DEG = 1e-3  # between rows: no vehicle moves by 100 m, and an accelerometer's noise is more
 _HIGHEST_M = 20_000.0
 _MOST_MINUTES = 18_000.0  # 180 degrees as NMEA writes them, dddmm.mmmm
-_LONG_STEP_S = 0.05  # between samples: a unit that is slower has another unit of time, perhaps
+_LONGEST_STEP_S = {"imu": 0.1, "fixes": 10.0}  # usually; ten times as long leaves the unit in doubt
+_NO_GPS_S = 1.6e9  # of GPS: 2030
 _WEEK_NAMES = re.compile(r"(?:i|gps_?)?tow.*|sow.*|.*(?:time_?of_?week|week_?sec).*")
 
 
@@ -75,10 +83,10 @@ def guessed(path: Path) -> CsvTable:
     BadInputError
         If neither is found.
     """
-    lines = read_lines(path)[:_ROWS]
+    lines = read_lines(path)[0][:_ROWS]
     delimiter = _delimiter(lines)
     rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    commas = [cell for row in rows[:200] for cell in row if delimiter != "," in cell]
+    commas = [cell for row in rows[:200] for cell in row if "," in cell]
     decimal = "," if any(is_number(cell.replace(",", ".", 1)) for cell in commas) else "."
     rows = [[cell.strip().replace(decimal, ".") for cell in row] for row in rows]
     width = usual_width(rows)
@@ -88,7 +96,7 @@ def guessed(path: Path) -> CsvTable:
     if len(body) < 2:
         raise BadInputError(f"{path}: must hold two rows of numbers or more to guess columns by")
     head = rows[first] if header else []
-    x = np.array([[float(c) if is_number(c) else np.nan for c in row] for row in body])
+    x = numbers(np.array(body))
     dates = [k for k in range(width) if any(is_date(r[k]) and ":" in r[k] for r in body[:100])]
     names = _by_name(head, x, dates)
     by_numbers = not any({"t_s", *wanted} <= set(names) for wanted in (FORCE, PLACE, BASELINE))
@@ -102,7 +110,7 @@ def guessed(path: Path) -> CsvTable:
             f"{path}: neither specific force nor places are found in its columns, or no time; "
             "describe them in [[csv]] of a file for `fgnav import --settings`, docs/own_log.md"
         )
-    groups = ("t_s",), wanted, RATE if kind == "imu" else VELOCITY
+    groups = ("t_s",), wanted, *([RATE] if kind == "imu" else [VELOCITY, POSITION_SIGMA])
     places = {n: names[n] for group in groups if set(group) <= set(names) for n in group}
     columns: dict[str, str | int] = {n: head[k] if header else k + 1 for n, k in places.items()}
     for name in set(_UP) & set(places) if header else ():
@@ -110,6 +118,10 @@ def guessed(path: Path) -> CsvTable:
             columns[name] = f"-{columns[name]}"
     units, unconfirmed = _units(path, kind, places, x, head)
     unconfirmed += ["columns"] * (by_numbers and header)
+    if kind == "fixes" and header:
+        _refuse_hemispheres(path, head, body)
+        is_above_sea = PLACE[2] in places and _ABOVE_SEA.search(_plain(head[places[PLACE[2]]]))
+        unconfirmed += ["height"] * bool(is_above_sea)
     clock, is_open = _clock(units["s"], places["t_s"], x, head, body)
     fields: dict[str, Any] = {"clock": clock} if clock != "own" else {}
     return CsvTable(
@@ -148,8 +160,10 @@ def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]
             places = [k for k in places if k in dates or _runs(x[:, k])]
         elif name in _UP:
             places = places or [k for k, cell in enumerate(plain) if _UP[name].fullmatch(cell)]
-        if name in (*PLACE, *VELOCITY, *BASELINE):
+        if name != "t_s" and name not in POSITION_SIGMA:
             places = [k for k in places if not _NO_VALUE.search(plain[k])]
+        if name in (*PLACE, *VELOCITY, *BASELINE):
+            places = [k for k in places if not _ACCURACY.search(plain[k])]
         if name == PLACE[2]:
             places.sort(key=lambda k: _ABOVE_SEA.search(plain[k]) is not None)
         if places:
@@ -160,11 +174,9 @@ def _by_name(head: list[str], x: FloatArray, dates: list[int]) -> dict[str, int]
 def _runs(column: FloatArray) -> bool:
     """Return True if numbers hardly ever fall, as times do; empty cells are passed over."""
     finite = column[np.isfinite(column)]
-    return (
-        len(finite) > 1
-        and bool((np.diff(finite) < 0).mean() < _MOST_SHARE_ODD)
-        and bool(finite[-1] != finite[0])
-    )
+    falls = int((np.diff(finite) < 0).sum())
+    most = max(_MOST_SHARE_ODD * len(finite), len(finite) > _MOST_ODD)  # one may be a wrap
+    return len(finite) > 1 and falls <= most and bool(finite[-1] != finite[0])
 
 
 def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> None:
@@ -177,6 +189,16 @@ def _refuse_partly_named(path: Path, head: list[str], names: dict[str, int]) -> 
             f"{quoted(', '.join(head))}, of which {', '.join(named)} are known; describe them in "
             "[[csv]] of a file for `fgnav import --settings`, docs/own_log.md"
         )
+
+
+def _refuse_hemispheres(path: Path, head: list[str], body: list[list[str]]) -> None:
+    """Refuse degrees whose sign is a letter in another column."""
+    for k, name in enumerate(head):
+        if {row[k] for row in body} & {"S", "W", "s", "w"}:
+            raise BadInputError(
+                f"{path}: column {quoted(name)} has hemispheres; give latitude and longitude their "
+                "signs, south and west negative"
+            )
 
 
 def _by_numbers(path: Path, x: FloatArray, names: dict[str, int]) -> dict[str, int]:
@@ -232,9 +254,24 @@ def _units(
     }
     if np.isnan(columns["s"]).all():
         units["s"] = "date"
-    elif "s" not in units:
-        units["s"] = _time_unit(columns["s"][:, 0], 0.1 if kind == "imu" else 10.0)
-    return _imu_units(units, columns) if kind == "imu" else _fix_units(path, units, columns)
+    unconfirmed = list[str]()
+    if units.get("s") != "date":
+        longest_s = _LONGEST_STEP_S[kind]
+        step = _step(columns["s"][:, 0])
+        steps_s = {unit: step * UNITS["s"][unit].factor for unit in ("s", "ms", "us", "ns")}
+        fits = [unit for unit, step_s in steps_s.items() if step_s <= longest_s]
+        may_be = [unit for unit, step_s in steps_s.items() if longest_s < step_s <= 10 * longest_s]
+        unconfirmed += ["s"] * bool(may_be and "s" not in units)
+        units.setdefault("s", fits[0] if fits else "s")
+    of_kind = _imu_units if kind == "imu" else partial(_fix_units, path)
+    units, others = of_kind(units, columns)
+    return units, unconfirmed + others
+
+
+def _step(t: FloatArray) -> float:
+    """Return the usual step of times."""
+    steps = np.diff(t[np.isfinite(t)])
+    return float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
 
 
 def _imu_units(
@@ -247,8 +284,6 @@ def _imu_units(
     size = min(sizes, key=lambda one: abs(np.log(length / one)))
     units["mps2"] = _GRAVITY[size]
     unconfirmed += ["mps2"] * (abs(length / size - 1) > _NEAR)
-    step = np.nanmedian(np.abs(np.diff(columns["s"][:, 0]))) if units["s"] != "date" else 0.0
-    unconfirmed += ["s"] * bool(step * UNITS["s"][units["s"]].factor > _LONG_STEP_S)
     if columns["radps"].size and "radps" not in units:
         # Vehicles turn less than once a second but for moments: more is degrees.
         fast = np.nanpercentile(np.abs(columns["radps"]), 99) > 2 * np.pi
@@ -280,14 +315,6 @@ def _fix_units(
     return units, unconfirmed
 
 
-def _time_unit(t: FloatArray, longest_s: float) -> str:
-    """Return the unit that makes steps between samples, or fixes, no longer than is usual."""
-    steps = np.diff(t[np.isfinite(t)])
-    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 1.0
-    fits = [unit for unit in ("s", "ms", "us", "ns") if step * UNITS["s"][unit].factor <= longest_s]
-    return fits[0] if fits else "s"
-
-
 def _clock(
     unit: str, place: int, x: FloatArray, head: list[str], body: list[list[str]]
 ) -> tuple[str, bool]:
@@ -300,6 +327,8 @@ def _clock(
     first_s = float(t_s[np.isfinite(t_s)][0])
     if _WEEK_NAMES.fullmatch(_plain(name)) and first_s <= 604_800:
         return "week", False
-    if first_s > 1e9:  # as GPS time 2011 and later, which loggers rarely use; UTC since 2001
-        return ("gps" if "gps" in name else "utc"), False
+    if first_s > 1e9:  # as GPS time 2011 and later, as UTC 2001 and later
+        is_gps = "gps" in name
+        is_known = is_gps or first_s > _NO_GPS_S or re.search("utc|unix|posix|epoch", name)
+        return ("gps" if is_gps else "utc"), not is_known
     return "own", False

@@ -11,13 +11,16 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, Unused, unused_of
 from fgnav.io.flight.columns import LEAST_SIGMA, PLACE, Samples, fault_of_columns, largest
 from fgnav.io.flight.series import COLUMNS
+from fgnav.io.tables import increasing
 from fgnav.types.flight import TruthSource
 
 # After which counters begin anew: 32 bits of ns, us and ms; a day, a week.
 _PERIODS_S = (4.294967296, 4294.967296, 4294967.296, 86_400.0, 604_800.0)
-_NEAR_STEPS, _MOST_OF_PERIOD = 3.0, 0.1  # a wrap hides no gap of more
-_SHARED = 0.1  # of samples, that have the timestamp of the one before: fewer are repeated rows
+# A wrap hides no gap of more than three steps, or one hundredth of a period, a tenth at the most.
+_NEAR_STEPS, _GAP_OF_PERIOD, _MOST_OF_PERIOD = 3.0, 0.01, 0.1
 _MOST_SET_BACK = 1000  # rows of a clock that was set back for a while
+_SHARED = 0.1  # of samples, that have the timestamp of the one before: fewer are repeated rows
+ABOVE_SEA = "heights are above the sea: the file has no undulation, which shifts all alike"
 Clock: TypeAlias = Literal["gps", "week", "own"]
 
 
@@ -129,7 +132,8 @@ def _unwrapped(t_s: FloatArray) -> FloatArray:
     step_s = np.diff(t_s)
     usual_s = float(np.median(np.abs(step_s))) if len(step_s) else 0.0
     for period_s in _PERIODS_S:
-        most_s = min(_NEAR_STEPS * usual_s, _MOST_OF_PERIOD * period_s)
+        most_s = max(_NEAR_STEPS * usual_s, _GAP_OF_PERIOD * period_s)
+        most_s = min(most_s, _MOST_OF_PERIOD * period_s)
         wraps = (step_s > -period_s) & (step_s <= most_s - period_s)
         if wraps.any():
             t_s = t_s + period_s * np.concatenate([[0], np.cumsum(wraps)])
@@ -150,21 +154,20 @@ def _spread(t_s: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _in_order(t_s: FloatArray) -> BoolArray:
-    """Return which rows are later than all before, without those of a clock that was set back.
+    """Return the rows that increase, of a clock that was set back for a while without those.
 
     Such a clock is taken until a step forward makes up for half of what it lost or more.
     """
-    latest_s = np.maximum.accumulate(t_s)
-    later = np.ones(len(t_s), bool)
-    later[1:] = t_s[1:] > latest_s[:-1]
+    later: BoolArray = np.ones(len(t_s), np.bool_)
     step_s = np.diff(t_s)
     usual_s = float(np.median(np.abs(step_s))) if len(step_s) else 0.0
     for start in np.flatnonzero(step_s < 0) + 1:
-        lost_s = latest_s[start - 1] - t_s[start]
+        lost_s = t_s[start - 1] - t_s[start]
         ahead = step_s[start : start + _MOST_SET_BACK]
         made_up = np.flatnonzero((ahead > lost_s / 2) & (ahead > 1.5 * usual_s))
-        if len(made_up) and t_s[start + made_up[0] + 1] > latest_s[start - 1]:
+        if len(made_up) and t_s[start + made_up[0] + 1] > t_s[start - 1]:
             later[start : start + made_up[0] + 1] = False
+    later[later] = increasing(t_s[later])
     return later
 
 

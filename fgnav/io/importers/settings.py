@@ -74,8 +74,8 @@ class CsvTable(Table, frozen=True, kw_only=True):
     ``columns``: for each column of the flight format, the file's by name, or by number from 1; a
     leading minus reverses the sign; of fixes ``north_m``, ``east_m``, ``down_m`` from the settings'
     ``origin`` stand for a place. ``units``: by what the flight's column ends in, ``mps2 = "g"``.
-    ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units,
-    ``clock`` or ``columns``, that ``fgnav new`` has guessed without evidence.
+    ``decimal``: the character before the fraction. ``unconfirmed``: the kinds of units, ``clock``
+    or ``columns``, that ``fgnav new`` has guessed without evidence, and ``height`` above the sea.
     """
 
     table: Kind

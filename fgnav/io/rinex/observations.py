@@ -18,6 +18,7 @@ from fgnav.io.rinex.scan import A_LINE, FLAG, TICKS, Body, Found, line_ends, sca
 from fgnav.io.rinex.signals import Wanted, fields_of, is_kept
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.rinex.unused import Counts, count_end, count_events, count_faults, count_satellites
+from fgnav.io.tables import increasing
 from fgnav.types.observations import HALF_CYCLE, LOST_LOCK, Observations
 
 _ENDS = b" \r\n\x1a\0"  # blank lines, the end of a text of DOS, a block that was not filled
@@ -53,7 +54,7 @@ def to_observations(
     body, is_ended = _body(header, text)
     found = _scanned(body)
     ticks = found.epochs[:, TICKS]
-    kept = in_order(ticks)
+    kept = increasing(ticks)
     counts = Counts()
     count_faults(header, body, found.faults, counts)
     counts[f"{header.path.name} epoch", "its time does not increase"] += int((~kept).sum())
@@ -176,16 +177,3 @@ def _block(
         counts[f"{letter} {what}", _NOT_KEPT] += count
     channels = [(f"{letter}{satellites[i]:02d}", names[j]) for i, j in np.argwhere(has).tolist()]
     return _Block(channels, {name: array[:, has] for name, array in dense.items()})
-
-
-def in_order(ticks: IntArray | FloatArray) -> BoolArray:
-    """Return which epochs are later than all before, or earlier than all after, whichever is more.
-
-    One date that is wrong must not cost the epochs on one side of it.
-    """
-    if not len(ticks):
-        return np.ones(0, np.bool_)
-    later, earlier = np.ones((2, len(ticks)), np.bool_)
-    later[1:] = ticks[1:] > np.maximum.accumulate(ticks)[:-1]
-    earlier[:-1] = ticks[:-1] < np.minimum.accumulate(ticks[::-1])[::-1][1:]
-    return later if later.sum() >= earlier.sum() else earlier

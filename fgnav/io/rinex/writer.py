@@ -102,7 +102,7 @@ def _epochs(
     values : ndarray, (n, m, 4)
         Code, phase, Doppler, carrier-to-noise density; NaN where not measured.
     flags : ndarray, (n, m)
-        Unused-of-lock indicators.
+        Loss-of-lock indicators.
     """
     values = np.where(np.abs(values) < 5e-4, np.copysign(1e-3, values), values)
     some = np.where(channels[:, :, None] < 0, np.nan, values[:, channels])  # (n, s, c, 4)

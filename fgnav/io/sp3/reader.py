@@ -16,9 +16,8 @@ import numpy as np
 from fgnav.checks import BadInputError, BoolArray, FloatArray, quoted, unused_of
 from fgnav.io.gps_time import SCALES, date_to_gps_s, gps_of
 from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
-from fgnav.io.rinex.observations import in_order
 from fgnav.io.rinex.text import read_text
-from fgnav.io.tables import is_number
+from fgnav.io.tables import increasing, numbers
 from fgnav.types.orbits import PreciseOrbits
 
 _NO_CLOCK_US = 999_999.0
@@ -81,7 +80,7 @@ def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[
     dates_s = np.array([date_to_gps_s(lines[k][1:].split()) for k in epochs.tolist()], np.float64)
     t_s = gps_of(dates_s, scale) - start_gps_s
     good = np.isfinite(t_s)
-    good[good] = in_order(t_s[good])
+    good[good] = increasing(t_s[good])
     row = np.searchsorted(epochs, records) - 1
     values, whole = _numbers([lines[k] for k in records.tolist()])
     number = {name: k for k, name in enumerate(satellites)}
@@ -160,11 +159,7 @@ def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
     """Return positions, km, and clocks, us, (k, 4), and which records are whole."""
     rows = [line[:_WIDTH].ljust(_WIDTH).encode("latin-1") for line in lines]
     fields = np.array(rows, f"S{_WIDTH}").view("S1").reshape(-1, _WIDTH)[:, 4:].copy().view("S14")
-    try:
-        values = fields.astype(np.float64)
-    except ValueError:
-        numbers = [[float(x) if is_number(x) else np.nan for x in row] for row in fields.tolist()]
-        values = np.array(numbers)
+    values = numbers(fields)
     # Six decimals at fixed columns: a shifted or shortened number would parse to another value.
     letters = fields.view("S1").reshape(len(fields), 4, 14)
     digits = np.char.isdigit(letters[:, :, [6, 8, 13]]).all(axis=(1, 2))

@@ -74,6 +74,7 @@ def test_velocities_point_down_in_their_unit(tmp_path, velocity, down):
         ("t,ax,ay,az", "0.1,0.1,0.2", ("mps2",)),
         ("t,lat,lon,alt", "0.7,0.1,700", ("deg",)),
         ("t,lat,lon,alt,vn,ve,vd", "400000000,-40000000,700000,1,2,3", ("mps",)),
+        ("t,lat,lon,alt_msl", "40,-4,700", ("height",)),
         ("p,q,r,s", FORCE, ("columns",)),
     ],
 )
@@ -106,12 +107,48 @@ def test_clocks_are_in_names_and_dates(tmp_path, head, first, clock):
     [
         ("time,lat,lon,alt", "08.07.2025 10:00:00,40,-4,{t}", "a date and a time of day in one"),
         ("t,lat,lon,alt", "{t},4019.8,-352.8,700", "must be degrees or 1e-7 degrees"),
+        ("t,lat,lon,ew,alt", "{t},40,4,W,700", "column 'ew' has hemispheres"),
         ("t,ax,ay,b", "{t},0.1,0.2,-9.8", "of which fx_mps2, fy_mps2 are known"),
     ],
 )
 def test_what_is_half_known_is_refused(tmp_path, head, row, text):
     with pytest.raises(BadInputError, match=text):
         table(tmp_path, head, row)
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "want"),
+    [
+        ("t,latency,lat,lon,heading,hdop,alt", "9,40,-4,350,1,700", "lat lon alt"),
+        (
+            "t,b_gyr_x,gyr_bias_x,gyr_x,gyr_y,gyr_z,ax,ay,az",
+            "0,0,1,2,3,0,0,9.8",
+            "gyr_x gyr_y gyr_z",
+        ),
+        ("t,lat,lon,alt,sdn,sde,sdu", "40,-4,700,.1,.1,.2", "sdn sde sdu"),
+    ],
+)
+def test_a_name_is_more_than_how_it_begins(tmp_path, head, row, want):
+    columns = table(tmp_path, head, row).columns.values()
+    assert set(want.split()) <= set(columns)
+    assert not {"latency", "heading", "hdop", "gyr_bias_x"} & set(columns)
+
+
+@pytest.mark.parametrize(("first", "is_open"), [(1.41e9, True), (1.75e9, False)])
+def test_seconds_that_may_be_of_gps_are_in_doubt(tmp_path, first, is_open):
+    found = table(tmp_path, "t,lat,lon,alt", "40,-4,700", [f"{first + k:.0f}" for k in range(5)])
+    assert (found.clock, "clock" in found.unconfirmed) == ("utc", is_open)
+
+
+@pytest.mark.parametrize(("step_ms", "is_open"), [(10, False), (200, True)])
+def test_a_step_that_two_units_of_time_explain_is_in_doubt(tmp_path, step_ms, is_open):
+    found = table(tmp_path, "t,ax,ay,az", FORCE, [str(step_ms * k) for k in range(5)])
+    assert ("s" in found.unconfirmed) == is_open
+
+
+def test_one_fall_of_a_long_row_of_times_is_a_wrap(tmp_path):
+    times = [str((604_790 + k) % 604_800) for k in range(30)]
+    assert table(tmp_path, "tow,lat,lon,alt", "40,-4,700", times).columns["t_s"] == "tow"
 
 
 def test_zeros_before_a_first_fix_are_no_place(tmp_path):

@@ -46,6 +46,11 @@ MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude
     ("text", "unused"),
     [
         (HEAD + ROW + ROW[:30] + "\n", {"a.pos row": 1, "a.pos columns Q, ns": 1}),
+        (HEAD + ROW + ROW.rstrip(), {"a.pos last line": 1, "a.pos columns Q, ns": 1}),
+        (
+            HEAD + ROW + ROW.replace("700.0", "-nan(ind)"),
+            {"fixes row": 1, "a.pos columns Q, ns": 2},
+        ),
         ((HEAD + ROW).replace(" ", ";"), {"a.pos columns Q, ns": 1}),
         ((HEAD + ROW).replace(" ", ","), {"a.pos columns Q, ns": 1}),
         (HEAD + ROW.replace(" 21 ", " -1.#IND "), {"a.pos columns Q, ns": 1}),
@@ -68,7 +73,7 @@ def test_separators_minutes_and_cut_rows(tmp_path, text, unused):
         ("", "must have RTKLIB's line of column names"),
         (HEAD, "holds no solution"),
         (HEAD + ROW[:30] + "\n", "rows must have 10 columns, got 5"),
-        (HEAD + ROW.replace("-4.0", "-4.x"), "must hold numbers, could not convert"),
+        (HEAD + ROW.replace("-4.0", "-4.x"), "no row is usable of 1"),
         (HEAD + ROW.replace("2374 ", "2374/7/4x "), "dates must be like 2025-07-08 19:34:18.5"),
         (HEAD.replace("latitude(deg)", "e-baseline(m)") + ROW, "set out-solformat to llh or xyz"),
     ],

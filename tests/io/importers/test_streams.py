@@ -147,7 +147,7 @@ def test_u_blox_gives_fixes_and_the_vector_to_their_antenna(tmp_path, order):
     content = gga("235942.00").encode() + b"".join(one for pair in pairs for one in pair)
     flight, unused, _ = read(tmp_path, "ubx", content)
     assert_fixes(flight)
-    assert unused == {"place of nmea: ubx has it, too": 1}
+    assert unused == {"latitude_deg of nmea: ubx has it, too": 1}
     np.testing.assert_allclose(flight.fixes[0].velocity_sigma_mps, 0.035)
     (baseline,) = flight.baselines
     np.testing.assert_allclose(baseline.t_s, flight.fixes[0].t_s, atol=1e-6)
@@ -207,14 +207,19 @@ def test_fixes_of_no_dimension_or_with_an_error_are_counted(tmp_path):
 
 
 def test_sentences_are_dated_across_midnight_with_sigmas_and_headings(tmp_path):
-    """HDT and THS have the time of the sentence before them."""
+    """HDT and THS have the time of the sentence before them; GNS is a fix as GGA is."""
     texts = [gga("235959.50"), sentence("GPGST,235959.50,1,2,3,45,0.01,0.02,0.03")]
     texts += [sentence("GPHDT,123.5,T"), gga("000000.50"), rmc("000000.50", "020124")]
     texts += [sentence("GPGST,000000.50,1,2,3,45,0.01,0.02,0.03"), sentence("GNTHS,123.5,A")]
-    flight, _, _ = read(tmp_path, "nmea", "".join(texts))
+    texts += [sentence("GNGNS,000001.50,4019.8,N,00352.8,W,AN,12,0.8,650.0,50.0,,")]
+    texts += [sentence("GNGST,000001.50,1,2,3,45,0.01,0.02,0.03")]
+    texts += [sentence("GNGNS,000002.50,4019.8,N,00352.8,W,NN,12,0.8,650.0,50.0,,")]
+    flight, unused, whole = read(tmp_path, "nmea", "2024-01-01 23:59:59 ".join(["", *texts]))
+    assert unused["GNS message: the receiver had no fix"] == 1
+    assert "the time of the sentence before" in whole.notes["baseline"]
     assert flight.start_gps_s == pytest.approx(DAY_S + 86_399.5)
-    np.testing.assert_allclose(flight.fixes[0].t_s, [0, 1], atol=1e-6)
-    np.testing.assert_allclose(flight.fixes[0].position_sigma_m, [[0.01, 0.02, 0.03]] * 2)
+    np.testing.assert_allclose(flight.fixes[0].t_s, [0, 1, 2], atol=1e-6)
+    np.testing.assert_allclose(flight.fixes[0].position_sigma_m, [[0.01, 0.02, 0.03]] * 3)
     (baseline,) = flight.baselines
     np.testing.assert_allclose(baseline.t_s, [0, 1], atol=1e-6)
     np.testing.assert_allclose(np.degrees(baseline.heading_rad), 123.5)

@@ -1,7 +1,10 @@
 import numpy as np
 import pytest
 
-from tests.io.importers.helpers import imported, refused
+from fgnav.io.flight.columns import PLACE
+from fgnav.io.importers.formats.text_columns import read_csv
+from fgnav.io.importers.settings import CsvTable, Settings
+from tests.io.importers.helpers import imported, refused, whole_of
 
 IMU = """\
 [[csv]]
@@ -98,6 +101,19 @@ def test_one_file_of_two_tables_with_empty_cells(tmp_path):
     assert flight.start_gps_s == pytest.approx(1751000000.01 - 315964800 + 18, abs=1e-6)
     np.testing.assert_allclose(flight.imu.t_s, [-0.01, 0, 0.01], atol=1e-6)
     assert {loss.what: loss.count for loss in whole.unused} == {"fixes row": 2}
+
+
+def test_cells_that_are_none_and_a_cut_last_line_are_counted(tmp_path):
+    rows = [f"2025-07-08T10:00:0{k}Z,40,-4,{'n/a' if k == 3 else 700}" for k in range(6)]
+    rows[1] = rows[1].replace("00:01", "00:61")
+    (tmp_path / "a.csv").write_bytes(
+        "\n".join([",".join(["t [°]", *PLACE]), *rows]).encode("cp1252")
+    )
+    columns = dict(zip(("t_s", *PLACE), ("t [°]", *PLACE), strict=True))
+    table = CsvTable(table="fixes", columns=columns, units={"s": "date"})
+    whole = whole_of([read_csv(tmp_path / "a.csv", Settings(csv=(table,)), tmp_path)], Settings())
+    assert whole.flight.fixes[0].t_s.tolist() == [0, 2, 4]
+    assert {one.what: one.count for one in whole.unused} == {"a.csv last line": 1, "fixes row": 2}
 
 
 @pytest.mark.parametrize(

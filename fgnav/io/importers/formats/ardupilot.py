@@ -24,7 +24,7 @@ from fgnav.io.flight.columns import Samples
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.parts import Part, Timed, joined, table_of, xyz
 from fgnav.io.importers.formats.readers import foreign, reader
-from fgnav.io.importers.recording import Recording
+from fgnav.io.importers.recording import ABOVE_SEA, Recording
 from fgnav.io.importers.settings import Settings
 
 _US, _MS = 1e-6, 1e-3
@@ -71,7 +71,6 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
         gps_s = WEEK_S * gps["GWk"] + gps["GMS"] * _MS
         start_s = float(np.median(gps_s - gps["TimeUS"] * _US))
         tables["fixes"] = _fixes(gps, messages.get("GPA", {}), counts)
-    above_sea = "heights are above the sea: the log has no GPA.Und"
     has_undulation = "Und" in messages.get("GPA", {})
     return Recording(
         source=path,
@@ -79,7 +78,7 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
         clock="own" if start_s is None else "gps",
         gps_start_s=start_s or 0.0,
         unused=unused_of(counts),
-        notes={"fixes": above_sea} if "fixes" in tables and not has_undulation else {},
+        notes={"fixes": ABOVE_SEA} if "fixes" in tables and not has_undulation else {},
     )
 
 

@@ -27,7 +27,8 @@ _LONG = 1.5  # of the usual interval: the unit's clock has a gap there
 
 def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """Read one file, told by its columns: 7 of increments or fixes, 11 of a reference."""
-    lines = [line for line in read_lines(path) if line.strip() and line[0] not in "#%"]
+    whole, lost = read_lines(path)
+    lines = [line for line in whole if line.strip() and line[0] not in "#%"]
     try:
         x = np.loadtxt(lines, ndmin=2, comments=None) if lines else np.zeros((0, 0))
     except ValueError as error:
@@ -41,12 +42,16 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     if width == 11:
         names = col.PLACE + col.VELOCITY + col.EULER
         tables = {"truth": samples(x[:, 1], (names, x[:, 2:]))}
-        start_s = WEEK_S * x[0, 0]
-        return Recording(source=path, tables=tables, gps_start_s=start_s, truth_source="filter")
-    if is_increments(x):
-        return Recording(source=path, tables={"imu": _rates(x)}, clock="week")
+        return Recording(
+            source=path,
+            tables=tables,
+            gps_start_s=WEEK_S * x[0, 0],
+            truth_source="filter",
+            unused=(lost,),
+        )
     fixes = samples(x[:, 0], (col.PLACE + col.POSITION_SIGMA, x[:, 1:]))
-    return Recording(source=path, tables={"fixes": fixes}, clock="week")
+    tables = {"imu": _rates(x)} if is_increments(x) else {"fixes": fixes}
+    return Recording(source=path, tables=tables, clock="week", unused=(lost,))
 
 
 def is_increments(x: FloatArray) -> bool:

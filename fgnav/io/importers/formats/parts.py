@@ -22,11 +22,12 @@ class Part(NamedTuple):
     columns: Names
     fields: Names
     unit: float | tuple[float, ...] = 1.0
+    is_variance: bool = False  # whether the fields are squares of the columns
 
     def of(self, messages: Mapping[str, Any]) -> FloatArray:
         """Return (k, c) values of messages whose fields are arrays, (k,)."""
         values = np.stack([np.asarray(messages[one], np.float64) for one in self.fields], axis=1)
-        return np.asarray(values * self.unit)
+        return np.asarray((np.sqrt(values) if self.is_variance else values) * self.unit)
 
 
 def xyz(pattern: str, axes: Sequence[object] = (0, 1, 2)) -> Names:

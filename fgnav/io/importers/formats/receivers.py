@@ -65,6 +65,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             is_raw = number in _OBSERVED.get(of, ())
             reason = "the receiver's solution is taken; solution = false in --settings takes it"
             counts[f"{name} message", reason if is_raw else "not read"] += count
+    counts["byte", "in no whole message: damaged, or of another format"] += len(content) - size
     if not (tables or observations):
         if not solution.is_dated and any(protocol == "nmea" for protocol, *_ in stated):
             raise BadInputError(
@@ -77,7 +78,6 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
             f"raw measurements{f' ({what}: {reason})' if what else ''}; look what the receiver was "
             "set to put out"
         )
-    counts["byte", "in no whole message: damaged, or of another format"] += len(content) - size
     firsts_s = [float(rows["t_s"][0]) for rows in tables.values()] if solution.is_dated else []
     first_s = min(firsts_s, default=0.0)
     return Recording(
@@ -89,7 +89,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
         observations=observations[:1],
         navigation=observations[1:],
         unused=unused_of(counts),
-        notes={"fixes": "heights are above the sea: no undulation"} if solution.above_sea else {},
+        notes=solution.notes,
         missing=_MISSING if observations else {},
     )
 

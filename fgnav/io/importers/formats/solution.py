@@ -13,121 +13,124 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime, time
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples
 from fgnav.io.gps_time import UNIX_OF_GPS_S, WEEK_S, gps_of_utc
-from fgnav.io.importers.formats.parts import Timed, joined
+from fgnav.io.importers.formats.parts import Names, Part, Timed, joined
+from fgnav.io.importers.recording import ABOVE_SEA
 
+_Stated: TypeAlias = tuple[str, tuple[Part, ...]]
 _MM, _CM, _MS, _DEG = 1e-3, 1e-2, 1e-3, 180 / np.pi
 _DAY_S = 86_400.0
 _NO_TOW = 2**32 - 1  # of SBF
 _MOST = 1e9  # SBF writes -2e10 where it has no value
 _PROTOCOLS = ("ubx", "sbf", "novatel", "nmea")  # of two that state the same, the first is taken
 _NO_FIX = {0: "the receiver had no fix", 6: "dead reckoning", 7: "manual", 8: "simulated"}
-_HEADINGS = ("heading", "pitch", "heading sigma", "pitch sigma")
-_HEADING_COLUMNS = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
-_COLUMNS = {
-    "place": col.PLACE,
-    "place sigma": col.POSITION_SIGMA,
-    "velocity": col.VELOCITY,
-    "velocity sigma": col.VELOCITY_SIGMA,
-    "baseline": col.BASELINE,
-    "baseline sigma": col.POSITION_SIGMA,
-    **dict(zip(_HEADINGS, _HEADING_COLUMNS, strict=True)),
-}
+_UNTIMED = (
+    "headings of HDT and THS have the time of the sentence before; where a receiver puts them "
+    "first, they are an epoch late: set it to put out GGA before"
+)
+_HEADINGS = (col.HEADING, col.PITCH, col.HEADING_SIGMA, col.PITCH_SIGMA)
 
 
-class Part(NamedTuple):
-    """What a message states of one kind."""
-
-    kind: str
-    fields: tuple[str, ...]
-    unit: float | tuple[float, ...] = 1.0
-    is_variance: bool = False
+def _fixes(*parts: Part) -> _Stated:
+    return "fixes", parts
 
 
-def _headings(*fields: str) -> list[Part]:
-    return [Part(kind, (one,)) for kind, one in zip(_HEADINGS, fields, strict=False)]
+def _baseline(*parts: Part) -> _Stated:
+    return "baseline", parts
 
 
-STATED: dict[str, list[Part]] = {
-    "NAV-PVT": [
-        Part("place", ("lat", "lon", "height"), (1.0, 1.0, _MM)),
-        Part("place sigma", ("hAcc", "hAcc", "vAcc"), _MM),
-        Part("velocity", ("velN", "velE", "velD"), _MM),
-        Part("velocity sigma", ("sAcc", "sAcc", "sAcc"), _MM),
-    ],
-    "NAV-RELPOSNED": [
-        Part("baseline", ("relPosN", "relPosE", "relPosD"), _CM),
-        Part("baseline sigma", ("accN", "accE", "accD"), _MM),
-    ],
-    "PVTGeodetic": [
-        Part("place", ("Latitude", "Longitude", "Height"), (_DEG, _DEG, 1.0)),
-        Part("velocity", ("Vn", "Ve", "Vu"), (1.0, 1.0, -1.0)),
-    ],
-    "PosCovGeodetic": [Part("place sigma", ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt"), 1.0, True)],
-    "VelCovGeodetic": [Part("velocity sigma", ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"), 1.0, True)],
-    "AttEuler": _headings("Heading", "Pitch"),
-    "AttCovEuler": [
-        Part("heading sigma", ("Cov_HeadHead",), 1.0, True),
-        Part("pitch sigma", ("Cov_PitchPitch",), 1.0, True),
-    ],
-    "BESTPOS": [
-        Part("place", ("latitude", "longitude", "height")),
-        Part("place sigma", ("sigma_n", "sigma_e", "sigma_u")),
-    ],
-    "BESTVEL": [Part("velocity", ("north", "east", "up"), (1.0, 1.0, -1.0))],
-    **dict.fromkeys(
-        ("HEADING", "HEADING2", "DUALANTENNAHEADING"),
-        _headings("heading", "pitch", "sigma_heading", "sigma_pitch"),
+def _headings(*fields: str) -> _Stated:
+    return _baseline(*(Part(of, (one,)) for of, one in zip(_HEADINGS, fields, strict=False)))
+
+
+# By message: of which table, and its parts.
+STATED: dict[str, _Stated] = {
+    "NAV-PVT": _fixes(
+        Part(col.PLACE, ("lat", "lon", "height"), (1.0, 1.0, _MM)),
+        Part(col.POSITION_SIGMA, ("hAcc", "hAcc", "vAcc"), _MM),
+        Part(col.VELOCITY, ("velN", "velE", "velD"), _MM),
+        Part(col.VELOCITY_SIGMA, ("sAcc", "sAcc", "sAcc"), _MM),
     ),
-    "GGA": [Part("place", ("lat", "lon", "alt"))],
-    "GST": [Part("place sigma", ("stdLat", "stdLong", "stdAlt"))],
+    "NAV-RELPOSNED": _baseline(
+        Part(col.BASELINE, ("relPosN", "relPosE", "relPosD"), _CM),
+        Part(col.POSITION_SIGMA, ("accN", "accE", "accD"), _MM),
+    ),
+    "PVTGeodetic": _fixes(
+        Part(col.PLACE, ("Latitude", "Longitude", "Height"), (_DEG, _DEG, 1.0)),
+        Part(col.VELOCITY, ("Vn", "Ve", "Vu"), (1.0, 1.0, -1.0)),
+    ),
+    "PosCovGeodetic": _fixes(
+        Part(col.POSITION_SIGMA, ("Cov_latlat", "Cov_lonlon", "Cov_hgthgt"), is_variance=True)
+    ),
+    "VelCovGeodetic": _fixes(
+        Part(col.VELOCITY_SIGMA, ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"), is_variance=True)
+    ),
+    "AttEuler": _headings("Heading", "Pitch"),
+    "AttCovEuler": _baseline(
+        Part(col.HEADING_SIGMA, ("Cov_HeadHead",), is_variance=True),
+        Part(col.PITCH_SIGMA, ("Cov_PitchPitch",), is_variance=True),
+    ),
+    "BESTPOS": _fixes(
+        Part(col.PLACE, ("latitude", "longitude", "height")),
+        Part(col.POSITION_SIGMA, ("sigma_n", "sigma_e", "sigma_u")),
+    ),
+    "BESTVEL": _fixes(Part(col.VELOCITY, ("north", "east", "up"), (1.0, 1.0, -1.0))),
+    **{
+        name: _headings("heading", "pitch", "sigma_heading", "sigma_pitch")
+        for name in ("HEADING", "HEADING2", "DUALANTENNAHEADING")
+    },
+    **{name: _fixes(Part(col.PLACE, ("lat", "lon", "alt"))) for name in ("GGA", "GNS")},
+    "GST": _fixes(Part(col.POSITION_SIGMA, ("stdLat", "stdLong", "stdAlt"))),
     "HDT": _headings("headingT"),
     "THS": _headings("headt"),
     "PASHR": _headings("trueHdg", "pitch", "hdgAcc", "pitchAcc"),
-    "RMC": [],
-    "ZDA": [],
+    "RMC": _fixes(),
+    "ZDA": _fixes(),
 }
 
 
 @dataclass(slots=True)
 class Solution:
-    """What the messages of a stream state, by protocol and kind, each with its GPS time."""
+    """What the messages of a stream state, each with its GPS time."""
 
-    rows: dict[tuple[str, str], list[tuple[float, ...]]] = field(
+    # by protocol, table and columns
+    rows: dict[tuple[str, str, Names], list[tuple[float, ...]]] = field(
         default_factory=lambda: defaultdict(list)
     )
     counts: Counter[tuple[str, str]] = field(default_factory=Counter)
-    above_sea: bool = False  # whether heights lack the undulation
+    notes: dict[str, str] = field(default_factory=dict)  # by key of flight.toml
     is_dated: bool = False
 
-    def of(self, *kinds: str) -> list[Timed]:
-        """Return times and values of kinds, each of the first protocol that has it."""
+    def of(self, table: str, *blocks: Names) -> list[Timed]:
+        """Return times and values of blocks of columns, each of the first protocol that has it."""
         found = list[Timed]()
-        for kind in kinds:
-            owner = next((p for p in _PROTOCOLS if self.rows.get((p, kind))), "")
-            table = np.array(self.rows.get((owner, kind), []), np.float64)
-            table = table.reshape(-1, 1 + len(_COLUMNS[kind]))
-            found.append((_COLUMNS[kind], table[:, 0], table[:, 1:]))
+        for names in blocks:
+            owner = next((p for p in _PROTOCOLS if self.rows.get((p, table, names))), "")
+            rows = np.array(self.rows.get((owner, table, names), []), np.float64)
+            rows = rows.reshape(-1, 1 + len(names))
+            found.append((names, rows[:, 0], rows[:, 1:]))
             for other in _PROTOCOLS:
-                count = len(self.rows.get((other, kind), [])) if other != owner else 0
-                self.counts[f"{kind} of {other}", f"{owner} has it, too"] += count
+                count = len(self.rows.get((other, table, names), [])) if other != owner else 0
+                self.counts[f"{names[0]} of {other}", f"{owner} has it, too"] += count
         return found
 
     def fixes(self) -> Samples:
         """Return fixes, with those sigmas and velocities that most have."""
-        place, *others = self.of("place", "place sigma", "velocity", "velocity sigma")
+        place, *others = self.of(
+            "fixes", col.PLACE, col.POSITION_SIGMA, col.VELOCITY, col.VELOCITY_SIGMA
+        )
         return joined("fix", place, others, self.counts)
 
     def baselines(self) -> Samples:
         """Return baselines as vectors, else as headings, with what most have."""
-        vector, sigma = self.of("baseline", "baseline sigma")
-        heading, *others = self.of(*_HEADINGS)
+        vector, sigma = self.of("baseline", col.BASELINE, col.POSITION_SIGMA)
+        heading, *others = self.of("baseline", *_HEADINGS)
         if len(vector[1]):
             self.counts["heading", "a baseline has it, too"] += len(heading[1])
             return joined("baseline", vector, [sigma], self.counts)
@@ -136,7 +139,7 @@ class Solution:
     @property
     def has_vectors(self) -> bool:
         """Return True if there are baselines, as of u-blox alone."""
-        return any(kind == "baseline" and rows for (_, kind), rows in self.rows.items())
+        return any(names == col.BASELINE and rows for (*_, names), rows in self.rows.items())
 
 
 def take(messages: Iterable[tuple[str, str, Any]], near_s: float | None, into: Solution) -> None:
@@ -161,16 +164,17 @@ def take(messages: Iterable[tuple[str, str, Any]], near_s: float | None, into: S
             into.counts[f"{name} message", reason or "has no time"] += 1
             continue
         latest_s = t if into.is_dated else None
-        for part in STATED[name]:
-            x = np.array([_number(getattr(one, field, "")) for field in part.fields])
-            x = np.sqrt(np.maximum(x, 0.0)) if part.is_variance else x * part.unit
-            if name == "GGA":
-                into.above_sea |= one.sep == ""
+        table, parts = STATED[name]
+        for part in parts:
+            (x,) = part.of({field: [_number(getattr(one, field, ""))] for field in part.fields})
+            if part.columns == col.PLACE and hasattr(one, "sep"):
+                into.notes |= {"fixes": ABOVE_SEA} if one.sep == "" else {}
                 x[2] += one.sep or 0.0
+            into.notes |= {"baseline": _UNTIMED} if name in ("HDT", "THS") else {}
             if np.isfinite(x).all():
-                into.rows[protocol, part.kind].append((round(t, 3), *x.tolist()))
+                into.rows[protocol, table, part.columns].append((round(t, 3), *x.tolist()))
             else:
-                into.counts[f"{name} message", f"has no {part.kind}"] += 1
+                into.counts[f"{name} message", f"has no {part.columns[0]}"] += 1
 
 
 def _number(value: Any) -> float:  # noqa: ANN401  # of a library
@@ -190,6 +194,8 @@ def _no_use(name: str, one: Any) -> str:  # noqa: ANN401
         return "no solution was computed"
     if name == "GGA":
         return _NO_FIX.get(one.quality or 0, "")
+    if name == "GNS" and set(one.posMode) <= set("NEMS"):
+        return _NO_FIX[0]
     if name == "RMC":
         return "speed and course without a vertical velocity"
     if (name == "THS" and one.mi != "A") or (name == "PASHR" and not getattr(one, "gnssQual", 0)):

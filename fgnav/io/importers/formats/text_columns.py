@@ -18,9 +18,9 @@ from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
-from fgnav.io.importers.recording import Clock, Recording, unused_columns
+from fgnav.io.importers.recording import ABOVE_SEA, Clock, Recording, unused_columns
 from fgnav.io.importers.settings import UNITS, CsvTable, Settings
-from fgnav.io.tables import is_number
+from fgnav.io.tables import is_number, numbers
 from fgnav.io.user_files import plain_name, read_lines
 
 _ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
@@ -31,6 +31,13 @@ _LOCAL = (
     "fixes are north, east, down of a place that no file states, and were laid at 45 deg, 0 deg, "
     "0 m: state [origin] in --settings, within some km"
 )
+_DOUBTS = {
+    "gps clock": "its dates have no time zone and were read as GPS time; where they are UTC (18 s "
+    'behind since 2017), write clock = "utc" in [[csv]]',
+    "utc clock": "its times were read as seconds of UTC since 1970; where they are of GPS since "
+    '1980, write clock = "gps" in [[csv]]',
+    "columns": "no column has a known name: they were chosen by their numbers; amend columns",
+}
 _AXES = "no file states how the unit sits in the body; `fgnav check` says what x, y, z should read"
 
 
@@ -55,10 +62,11 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     if unstated is not None:
         raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
+    lines, lost = read_lines(path)
     tables, counts = dict[str, Samples](), Counter[tuple[str, str]]()
     clocks, unnamed = list[tuple[Clock, float]](), list[list[str]]()
     for table in described:
-        cells, others, cut = _cells(path, table)
+        cells, others, cut = _cells(path, lines[table.skip_lines :], table)
         unnamed.append(others)
         counts[f"{path.name} line", "has another number of columns"] = cut
         clock, start_s, samples = _samples(path, table, cells)
@@ -72,13 +80,17 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         missing |= _unconfirmed(path, table)
     names = [name for name in unnamed[0] if all(name in others for others in unnamed)]
     count = max(len(rows["t_s"]) for rows in tables.values())
-    unused = (*unused_of(counts), unused_columns(path, names, count, "no [[csv]] names them"))
+    unused = (
+        *(lost, *unused_of(counts)),
+        unused_columns(path, names, count, "no [[csv]] names them"),
+    )
     return Recording(
         source=path,
         tables=tables,
         clock=clocks[0][0],
         gps_start_s=clocks[0][1],
         unused=unused,
+        notes={"fixes": ABOVE_SEA} if any("height" in o.unconfirmed for o in described) else {},
         missing=missing,
     )
 
@@ -97,16 +109,10 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
     """Return what the user must confirm of a guessed table, by the key of flight.toml."""
     texts = []
     for kind in table.unconfirmed:
-        if kind == "clock":
-            texts.append(
-                f"its dates have no time zone and were read as GPS time; where they are UTC (18 s "
-                f'behind since 2017), write clock = "utc" in [[csv]] of {path.name}'
-            )
+        if kind == "height":
             continue
-        if kind == "columns":
-            texts.append(
-                "no column has a known name: they were chosen by their numbers; amend columns"
-            )
+        if kind not in UNITS:
+            texts.append(_DOUBTS[f"{table.clock} clock" if kind == "clock" else kind])
             continue
         names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
         usual = next(unit for unit, one in UNITS[kind].items() if one.factor == 1)
@@ -148,12 +154,13 @@ def _samples(
     return "gps", start_s, samples | {"t_s": samples["t_s"] - start_s}  # keeps 0.2 us of 1e9 s
 
 
-def _cells(path: Path, table: CsvTable) -> tuple[dict[str, np.ndarray], list[str], int]:
+def _cells(
+    path: Path, lines: Sequence[str], table: CsvTable
+) -> tuple[dict[str, np.ndarray], list[str], int]:
     """Return texts of the columns that are used, names of the others, and how many lines are cut.
 
     Texts are (k,) each.
     """
-    lines = read_lines(path)[table.skip_lines :]
     reader = csv.reader(lines, delimiter=table.delimiter, skipinitialspace=True)
     try:
         rows = list(reader)
@@ -195,21 +202,26 @@ def _places(path: Path, table: CsvTable, head: list[str], width: int) -> list[in
 
 
 def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
-    """Return numbers in the flight's units, NaN of empty cells."""
+    """Return numbers in the flight's units, NaN of cells that are empty or none.
+
+    Raises
+    ------
+    BadInputError
+        If no cell is a number, or one would be with a decimal comma.
+    """
     texts = np.char.strip(cells)
     if table.decimal == ",":
         texts = np.char.replace(texts, ",", ".")
-    filled = np.where(texts == "", "nan", texts)
-    try:
-        values = filled.astype(np.float64)
-    except ValueError:
-        row = next(k for k, cell in enumerate(filled) if not is_number(cell))
-        got = str(cells[row])
-        mend = '; write decimal = "," in [[csv]]' if is_number(got.replace(",", ".", 1)) else ""
+    values = numbers(texts)
+    others = [k for k in np.flatnonzero(np.isnan(values)) if texts[k] and not is_number(texts[k])]
+    with_comma = [k for k in others if is_number(texts[k].replace(",", ".", 1))]
+    if others and (with_comma or np.isnan(values).all()):
+        row = (with_comma or others)[0]
+        mend = '; write decimal = "," in [[csv]]' if with_comma else ""
         raise BadInputError(
             f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
-            f"number, got {quoted(got)}{mend}"
-        ) from None
+            f"number, got {quoted(str(cells[row]))}{mend}"
+        )
     kind = name.rsplit("_", 1)[1]
     unit = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
     column = table.columns[name]
@@ -229,7 +241,7 @@ def time_zone(cell: str) -> str:
 
 
 def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[FloatArray, bool]:
-    """Return seconds since 1980-01-06 of dates, and whether they have a time zone.
+    """Return seconds since 1980-01-06 of dates, NaN of none, and whether they have a time zone.
 
     Dates with a time zone are converted to UTC; others are GPS time unless ``utc``.
     """
@@ -237,15 +249,27 @@ def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[Flo
     zones = [time_zone(text) for text in texts]
     bare = [text.removesuffix(zone).strip() for text, zone in zip(texts, zones, strict=True)]
     bare = [text.replace("/", "-").replace(" ", "T").replace(",", ".") for text in bare]
-    try:
-        dates = np.array(bare, dtype="datetime64[ns]")
-    except ValueError as error:
-        raise BadInputError(f"{path}: dates must be like 2025-07-08 19:34:18.5, {error}") from None
+    dates = _dates(bare)
+    if bare and np.isnat(dates).all():
+        raise BadInputError(
+            f"{path}: dates must be like 2025-07-08 19:34:18.5, got {quoted(texts[0])}"
+        )
     gps_s = (dates - GPS_EPOCH.astype("datetime64[ns]")) / np.timedelta64(1, "s")
     if any(zones):
         ahead = {zone: _ahead_s(zone) for zone in set(zones)}
         gps_s = gps_s - np.array([ahead[zone] for zone in zones])
     return (gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc or any(zones) else gps_s), any(zones)
+
+
+def _dates(texts: Sequence[str]) -> np.ndarray:
+    """Return dates, NaT of texts that are none."""
+    try:
+        return np.array(texts, dtype="datetime64[ns]")
+    except ValueError:
+        if len(texts) == 1:
+            return np.array(["NaT"], dtype="datetime64[ns]")
+        half = len(texts) // 2
+        return np.concatenate([_dates(texts[:half]), _dates(texts[half:])])
 
 
 def _ahead_s(zone: str) -> float:
