@@ -84,7 +84,7 @@ def terms_of(problem: Problem) -> list[Term]:
             "differentiated; take flights with fixes"
         )
     k = np.arange(len(problem.t_s) - 1)
-    sensors = (_SensorTerm(one, one.row[:, None]) for one in problem.sensors if len(one.row))
+    sensors = (_SensorTerm(one, one.row[:, None]) for one in problem.sensors)
     return [_MotionTerm(problem.motion, np.stack([k, k + 1], axis=1)), *sensors]
 
 
@@ -153,12 +153,15 @@ class Adjoint:
             blocks[i][np.ix_(is_there, is_there)] = joint.M[np.ix_(places, places)]
         return self.step[columns], blocks
 
-    def value(self, term: Term, states: States) -> float:
-        """Return ``l' J' r - <M, J' J>`` of a term: its derivatives are those of the function."""
+    def between_rows(self, term: Term, states: States) -> FloatArray:
+        """Return ``r (J l)' - J M J'`` of each group of a term, (m, f, f).
+
+        If the information of its rows is ``1 + dW``, dL is the sum of its products with dW.
+        """
         r, J = term.linearise([states.at(rows) for rows in term.keyframes.T])
         step, M = self.of(term.keyframes)
         moved = np.einsum("mfw,mw->mf", J, step)
-        return float((moved * r).sum() - np.einsum("mfw,mwu,mfu->", J, M, J, optimize=True))
+        return np.asarray(r[:, :, None] * moved[:, None, :] - J @ M @ J.swapaxes(1, 2))
 
 
 class PosteriorCovariance:

@@ -55,7 +55,9 @@ class TrainingFlight:
         """
         begin, self.states = self.states, None
         if begin is None or len(begin.constants) != problem.constants.width:
-            prepared = with_custom_heading(replace(self.prepared, problem=problem), tuple(custom))
+            asked = problem.constants.parts[len(self.prepared.problem.constants.parts) :]
+            prepared = self.prepared.changed(lambda one: one.with_constants(asked))
+            prepared = with_custom_heading(prepared, tuple(custom))
             begin = at_once(prepared, tuple(custom)).states
         solution = minimum(problem, custom, begin).solution
         is_known = covered(self.truth, problem.t_s)
@@ -64,7 +66,8 @@ class TrainingFlight:
         far_rad = float(np.linalg.norm(turn_rad, axis=1).max(initial=0.0))
         if not solution.converged or far_rad > _FAR_RAD:
             raise NoSolutionError(
-                f"flight {self.flight.name}: ends in no minimum, or in one "
+                f"flight {self.flight.name}: "
+                f"{'its minimum is' if solution.converged else 'no minimum was found;'} "
                 f"{np.degrees(far_rad):.0f} degrees from the truth: nothing is learned there"
             )
         self.states = solution.states
@@ -97,6 +100,10 @@ def training_flight(flight: Flight, method: Batch, *, without: str = "") -> Trai
             "the accelerometer; put the body's origin there"
         )
     prepared, sourced = custom_factors(method.factors or (), flight, method.prepare(flight))
-    left = tuple(one for one in prepared.problem.sensors if one.name != without)
-    prepared = replace(prepared, problem=replace(prepared.problem, sensors=left))
+
+    def replaced(problem: Problem) -> Problem:
+        left = (one for one in problem.sensors if one.name != without)
+        return replace(problem, sensors=tuple(left))
+
+    prepared = prepared.changed(replaced)
     return TrainingFlight(flight=flight, truth=truth, prepared=prepared, fixed=sourced.factors)

@@ -33,7 +33,6 @@ from fgnav_models.learn.flights import TrainingFlight
 from fgnav_models.learn.modules import module_of
 
 _TANGENT = 9  # rotation, position, velocity
-_STEP = 1e-4  # of the logarithm of a standard deviation, for differences
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -65,7 +64,7 @@ class _Minimum:
     covariance: PosteriorCovariance
     marginals: FloatArray  # (n, D, D)
     terms: tuple[AnswerTerm, ...]
-    noise: NoiseComponents | None
+    noise: tuple[NoiseComponents, FloatArray] | None  # and logarithms of its factors, (c,)
     names: tuple[str, ...]  # of the parameters
 
     def adjoint(self, by_step: FloatArray, by_covariance: FloatArray) -> Adjoint:
@@ -77,13 +76,14 @@ class _Minimum:
         terms = [*terms_of(self.problem), *self.terms]
         return self.covariance.adjoint(a, B, terms, terms)
 
-    def by_parameter(self, adjoint: Adjoint, values: Mapping[str, float], name: str) -> float:
-        """Return the derivative by the logarithm of the factor on a standard deviation."""
-        ends = []
-        for step in (_STEP, -_STEP):
-            problem = _with_noise(self.noise, {**values, name: values[name] + step})
-            ends.append(sum(adjoint.value(term, self.states) for term in terms_of(problem)))
-        return (ends[0] - ends[1]) / (2 * _STEP)
+    def by_noise(self, adjoint: Adjoint) -> FloatArray:
+        """Return the derivatives by logarithms of standard deviations, in the order of names."""
+        if self.noise is None:
+            return np.empty(0)
+        components, theta = self.noise
+        motion, *sensors = (adjoint.between_rows(one, self.states) for one in terms_of(self.problem))
+        traces = components.traces(theta, self.problem, motion, sensors)
+        return -2 * traces[[components.names.index(name) for name in self.names]]
 
 
 @in_one_thread
@@ -121,15 +121,9 @@ def posterior(
         terms += found
     noise = None
     if parameters:
-        names = tuple(one.name for one in problem.sensors)
-        noise = NoiseComponents.of(problem, names, None)
-        unknown = [name for name in parameters if name not in noise.names]
-        if unknown:
-            raise BadInputError(
-                f"parameters: {unknown[0]!r} is no noise of flight {flight.flight.name}, which "
-                f"has {', '.join(noise.names)}"
-            )
-        problem = _with_noise(noise, {name: float(x) for name, x in parameters.items()})
+        noise = _noise(problem, parameters, flight.flight.name)
+        components, theta = noise
+        problem = components.problem_at(theta)
     states = flight.minimum(problem, custom)
     elimination = elimination_at(problem, states, [one.factor for one in custom])
     solved = _Minimum(
@@ -185,10 +179,19 @@ def _asked(
     return factors, terms
 
 
-def _with_noise(noise: NoiseComponents | None, logarithms: Mapping[str, float]) -> Problem:
-    if noise is None:
-        raise ValueError("noise: there are no parameters")
-    return noise.problem_at(np.array([logarithms.get(name, 0.0) for name in noise.names]))
+def _noise(
+    problem: Problem, parameters: Mapping[str, Tensor], flight: str
+) -> tuple[NoiseComponents, FloatArray]:
+    """Return the noise of a problem, and the logarithms of its factors."""
+    components = NoiseComponents.of(problem, tuple(one.name for one in problem.sensors), None)
+    unknown = [name for name in parameters if name not in components.names]
+    if unknown:
+        raise BadInputError(
+            f"parameters: {unknown[0]!r} is no noise of flight {flight}, which has "
+            f"{', '.join(components.names)}"
+        )
+    given = {name: float(x.detach()) for name, x in parameters.items()}
+    return components, np.array([given.get(name, 0.0) for name in components.names])
 
 
 class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy skips torch
@@ -222,7 +225,6 @@ class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy sk
                 value = again.adjoint_value(adjoint, solved.states)
             gradients += torch.autograd.grad(value, inputs, allow_unused=True)
         thetas = given[2 * len(solved.terms) :]
-        at = {name: float(x) for name, x in zip(solved.names, thetas, strict=True)}
-        for name, x in zip(solved.names, thetas, strict=True):
-            gradients.append(x.new_tensor(solved.by_parameter(adjoint, at, name)))
+        by_noise = solved.by_noise(adjoint).tolist()
+        gradients += (x.new_tensor(d) for x, d in zip(thetas, by_noise, strict=True))
         return None, *gradients
