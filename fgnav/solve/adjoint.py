@@ -237,7 +237,8 @@ class PosteriorCovariance:
     def _joints(self, B: FloatArray) -> list[_Joint]:
         """Return P and ``P B P`` of keyframes and what joins them, B of each keyframe."""
         D, constants = self._D, np.arange(self._n * self._D, self._size)
-        informations, message, at = [], np.zeros((0, 0)), np.zeros(0, np.int64)
+        informations, message = [], np.zeros((0, 0))
+        at: IntArray = np.zeros(0, np.int64)
         for k, (columns, A, _) in enumerate(self._conditionals):
             N = np.zeros((len(columns), len(columns)))
             if k < self._n:

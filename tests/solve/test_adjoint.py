@@ -1,4 +1,4 @@
-"""A posterior covariance applied twice, against dense inverses, with factors that join keyframes."""
+"""A posterior covariance applied twice, against dense inverses, where factors join keyframes."""
 
 from dataclasses import replace
 

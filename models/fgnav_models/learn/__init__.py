@@ -5,10 +5,12 @@ Trained through the smoother: a flight's posterior given a module, and proper sc
 
 from fgnav_models.learn.flights import TrainingFlight, training_flight
 from fgnav_models.learn.modules import export, factor, input_of
+from fgnav_models.learn.pool import FlightPool
 from fgnav_models.learn.posterior import Posterior, posterior
 from fgnav_models.learn.scores import energy_score, nll
 
 __all__ = [
+    "FlightPool",
     "Posterior",
     "TrainingFlight",
     "energy_score",

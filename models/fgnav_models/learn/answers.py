@@ -1,13 +1,13 @@
-"""What a network's outputs state of the states, in torch: ``neural.network`` and ``neural.outputs``
-once more, differentiable by the outputs.
+"""What a network's outputs state of the states, as torch differentiates it by the outputs.
 
-Jacobians are by tangents of ``fgnav.graph.keys`` less ``aux``: rotation and position in body axes,
-velocity in ``n``; as a factor of a rotation ``1 + skew(d)`` is ``Exp(d)`` to first order.
+Values, covariances and residuals are those of ``neural.network`` and ``neural.outputs``. Jacobians
+are by tangents of ``fgnav.graph.keys`` less ``aux``: rotation and position in body axes, velocity
+in ``n``; as a factor of a rotation ``1 + skew(d)`` is ``Exp(d)`` to first order.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -123,6 +123,10 @@ class AnswerTerm:
     covariance: Tensor
     lasting: int = 0
 
+    def detached(self) -> "AnswerTerm":
+        """Return the same without a way back to the network."""
+        return replace(self, value=self.value.detach(), covariance=self.covariance.detach())
+
     def linearise(self, states: Sequence[States]) -> tuple[FloatArray, FloatArray]:
         """Return whitened residuals, (m, f), and Jacobians, (m, f, c D + b)."""
         r, J = self._rows(states)
@@ -137,15 +141,14 @@ class AnswerTerm:
 
     def _rows(self, states: Sequence[States]) -> tuple[Tensor, Tensor]:
         (m, c), D, constants = self.keyframes.shape, states[0].width, states[0].constants
-        R, p, v = (
-            torch.from_numpy(np.stack([one[i] for one in states], axis=1)) for i in range(3)
-        )
+        R, p, v = (torch.from_numpy(np.stack([one[i] for one in states], axis=1)) for i in range(3))
         tangent = torch.zeros(m, c, _TANGENT, dtype=torch.double, requires_grad=True)
         with torch.enable_grad():
             turn, moved, faster = tangent.split(3, dim=2)
             p = p + (R @ moved[..., None])[..., 0]
             R, v = R @ (torch.eye(3).double() + skew(turn)), v + faster
-            r = _RESIDUALS[self.output.measures](self.output, R, p, v, self.value)
+            at = _Keyframes(R, p, v)
+            r = _RESIDUALS[self.output.measures](self.output, at, self.value)
             blocks = [
                 torch.autograd.grad(r[:, i].sum(), tangent, create_graph=True)[0]
                 for i in range(r.shape[1])
@@ -158,8 +161,7 @@ class AnswerTerm:
             by_constant = counted.lasting**0.5 * root(P) @ across
             f = by_constant.shape[2]
             shared[:, :, self.lasting : self.lasting + f] = by_constant
-            at = torch.from_numpy(constants[self.lasting : self.lasting + f])
-            r = r + by_constant @ at
+            r = r + by_constant @ torch.from_numpy(constants[self.lasting : self.lasting + f])
         white = torch.linalg.cholesky(counted.inflation * (1 - counted.lasting) * P)
         rows = torch.cat([r[:, :, None], own, shared], dim=2)
         rows = torch.linalg.solve_triangular(white, rows, upper=False)
@@ -180,30 +182,43 @@ def _across(direction: Tensor) -> Tensor:
     return axes - (axes @ direction[:, :, None]) * between[:, None]
 
 
-_Residual: TypeAlias = Callable[[Output, Tensor, Tensor, Tensor, Tensor], Tensor]
+class _Keyframes(NamedTuple):
+    """Where the keyframes of answers are, c of each."""
+
+    R_nb: Tensor  # (m, c, 3, 3)
+    p_n_m: Tensor  # (m, c, 3)
+    v_n_mps: Tensor  # (m, c, 3)
+
+    def in_body(self, a_n: Tensor) -> Tensor:
+        """Return vectors, (m, 3), in the first keyframe's body axes."""
+        return (self.R_nb[:, 0].mT @ a_n[:, :, None])[:, :, 0]
 
 
-def _heading(_: Output, R: Tensor, __: Tensor, ___: Tensor, value: Tensor) -> Tensor:
-    turn = torch.atan2(R[:, 0, 1, 0], R[:, 0, 0, 0])[:, None] - value
+_Residual: TypeAlias = Callable[[Output, _Keyframes, Tensor], Tensor]
+
+
+def _heading(_: Output, at: _Keyframes, value: Tensor) -> Tensor:
+    turn = torch.atan2(at.R_nb[:, 0, 1, 0], at.R_nb[:, 0, 0, 0])[:, None] - value
     return torch.atan2(turn.sin(), turn.cos())
 
 
-def _displacement(output: Output, R: Tensor, p: Tensor, _: Tensor, value: Tensor) -> Tensor:
-    moved = p[:, 1] - p[:, 0]
-    return (_in_body(R, moved) if output.frame == "b" else moved) - value
+def _velocity(output: Output, at: _Keyframes, value: Tensor) -> Tensor:
+    v_n_mps = at.v_n_mps[:, 0]
+    return (at.in_body(v_n_mps) if output.frame == "b" else v_n_mps) - value
 
 
-def _in_body(R: Tensor, a_n: Tensor) -> Tensor:
-    return (R[:, 0].mT @ a_n[:, :, None])[:, :, 0]
+def _displacement(output: Output, at: _Keyframes, value: Tensor) -> Tensor:
+    moved_n_m = at.p_n_m[:, 1] - at.p_n_m[:, 0]
+    return (at.in_body(moved_n_m) if output.frame == "b" else moved_n_m) - value
 
 
 _RESIDUALS: Mapping[str, _Residual] = {
     "heading": _heading,
-    "attitude": lambda _, R, p, v, z: log(z.reshape(-1, 3, 3).mT @ R[:, 0]),
-    "direction": lambda _, R, p, v, z: (_across(z) @ R[:, 0, 2, :, None])[:, :, 0],
-    "velocity": lambda of, R, p, v, z: (_in_body(R, v[:, 0]) if of.frame == "b" else v[:, 0]) - z,
-    "speed": lambda _, R, p, v, z: v[:, 0].norm(dim=1, keepdim=True) - z,
-    "height": lambda _, R, p, v, z: -p[:, 0, 2:] - z,
-    "position": lambda _, R, p, v, z: p[:, 0] - z,
+    "attitude": lambda _, at, z: log(z.reshape(-1, 3, 3).mT @ at.R_nb[:, 0]),
+    "direction": lambda _, at, z: (_across(z) @ at.R_nb[:, 0, 2, :, None])[:, :, 0],
+    "velocity": _velocity,
+    "speed": lambda _, at, z: at.v_n_mps[:, 0].norm(dim=1, keepdim=True) - z,
+    "height": lambda _, at, z: -at.p_n_m[:, 0, 2:] - z,
+    "position": lambda _, at, z: at.p_n_m[:, 0] - z,
     "displacement": _displacement,
 }

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry.rotations import log, transpose
-from fgnav.assembly.prepared import PreparedFlight
 from fgnav.graph.custom import NamedFactor
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.states import States

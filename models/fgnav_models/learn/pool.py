@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import torch
+from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.methods.smoother import Batch
@@ -107,7 +108,10 @@ class FlightPool:
         backward : bool
             Whether modules' weights and parameters are to have their gradients.
         """
-        given = {name: x.detach() for name, x in (parameters or {}).items()}
+        given = {
+            name: x.detach().requires_grad_(x.requires_grad)
+            for name, x in (parameters or {}).items()
+        }
         which = range(self._count) if flights is None else flights
         made = [
             self._pools[k % len(self._pools)].submit(
@@ -119,7 +123,8 @@ class FlightPool:
         solved = {k: found for k, found in done.items() if not isinstance(found, str)}
         for _, gradients in solved.values():
             for x, gradient in zip(_trained(factors, parameters or {}), gradients, strict=False):
-                x.grad = gradient / len(solved) + (0.0 if x.grad is None else x.grad)
+                mean = torch.from_numpy(gradient) / len(solved)
+                x.grad = mean if x.grad is None else x.grad + mean
         return Losses(
             {k: value for k, (value, _) in solved.items()},
             {k: found for k, found in done.items() if isinstance(found, str)},
@@ -142,20 +147,19 @@ def _begin(flights: dict[int, Flight], method: Batch, without: str) -> None:
     _how.append((method, without))
 
 
-def _losses(task: _Task) -> tuple[float, list[Tensor]] | str:
+def _losses(task: _Task) -> tuple[float, list[NDArray[Any]]] | str:
     """Return a flight's loss and its gradients; or why it has none."""
     method, without = _how[0]
     flight = _flights[task.flight]
-    parameters = {name: x.requires_grad_() for name, x in task.parameters.items()}
     try:
         if isinstance(flight, Flight):
             flight = _flights[task.flight] = training_flight(flight, method, without=without)
-        value = task.loss(posterior(flight, task.factors, parameters), flight.truth)
+        value = task.loss(posterior(flight, task.factors, task.parameters), flight.truth)
         if not task.is_trained:
             return float(value.detach()), []
         gradients = torch.autograd.grad(
-            value, _trained(task.factors, parameters), materialize_grads=True
+            value, _trained(task.factors, task.parameters), materialize_grads=True
         )
     except NoSolutionError as error:
         return str(error)
-    return float(value.detach()), list(gradients)
+    return float(value.detach()), [x.numpy() for x in gradients]

@@ -81,7 +81,9 @@ class _Minimum:
         if self.noise is None:
             return np.empty(0)
         components, theta = self.noise
-        motion, *sensors = (adjoint.between_rows(one, self.states) for one in terms_of(self.problem))
+        motion, *sensors = (
+            adjoint.between_rows(one, self.states) for one in terms_of(self.problem)
+        )
         traces = components.traces(theta, self.problem, motion, sensors)
         return -2 * traces[[components.names.index(name) for name in self.names]]
 
@@ -131,7 +133,7 @@ def posterior(
         states,
         PosteriorCovariance(elimination, Layout.of(problem), states),
         elimination.marginals().covariance,
-        tuple(replace(one, value=one.value.detach(), covariance=one.covariance.detach()) for one in terms),
+        tuple(one.detached() for one in terms),
         noise,
         tuple(parameters),
     )

@@ -54,9 +54,7 @@ def energy_score(posterior: Posterior, truth: Truth, of: Scored) -> Tensor:
     return near - draws.norm(dim=2).mean() / 2**0.5
 
 
-def _errors(
-    posterior: Posterior, truth: Truth, of: Sequence[Scored]
-) -> tuple[Tensor, Tensor]:
+def _errors(posterior: Posterior, truth: Truth, of: Sequence[Scored]) -> tuple[Tensor, Tensor]:
     """Return truth less mean, (t, d), and the covariances of that, (t, d, d)."""
     rows = np.flatnonzero(covered(truth, posterior.t_s))
     real = truth_at(truth, posterior.t_s[rows])

@@ -22,7 +22,9 @@ def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
     """Return a turn at 30 m/s with fixes and an inertial unit, some of its figures others."""
     turn = Motion(path=Arc(speed_mps=30.0, radius_m=80.0), yaw=Rate(rate_degps=21.5))
     fixes = FixesTable(rate_hz=rate_hz)
-    scenario = Scenario(duration_s=duration_s, motion=turn, imu=msgspec.structs.replace(IMU, **imu), fixes=fixes)
+    scenario = Scenario(
+        duration_s=duration_s, motion=turn, imu=msgspec.structs.replace(IMU, **imu), fixes=fixes
+    )
     return simulate(scenario, np.random.default_rng(seed))
 
 
