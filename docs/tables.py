@@ -11,12 +11,16 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable
+from math import degrees
 from pathlib import Path
 from statistics import mean, median
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
-PAGES = (EVIDENCE / "validation.md", EVIDENCE / "performance.md", ROOT / "README.md")
+PAGES = (
+    *(EVIDENCE / f"{name}.md" for name in ("validation", "performance", "networks")),
+    ROOT / "README.md",
+)
 STATES = {"attitude": "deg", "position": "m", "velocity": "m/s"}
 OUTCOMES = {
     "right": "right",
@@ -159,8 +163,48 @@ def peers() -> str:
     )
 
 
+def answers() -> str:
+    """Return what networks answer, next to the best constant of the other flights."""
+    head = ("flights", "network", "answered, %", "RMSE", "unit", "NEES of 1", "NLL", "constant's")
+    lines = []
+    for row in _read(EVIDENCE / "networks.csv"):
+        if row.get("failure"):
+            lines.append((row["flights"], f"`{row['network']}`", *[""] * 8))
+            continue
+        scale, unit = (degrees(1), "deg") if row["unit"] == "rad" else (1.0, row["unit"])
+        figures = [f"{100 * float(row['answered']):.0f}", f"{scale * float(row['rmse']):.2g}", unit]
+        figures += [
+            f"{float(row[key]):.2f}" for key in ("nees_network", "nll_network", "nll_constant")
+        ]
+        figures.append(_interval(row, "gain", "gain_low", "gain_high"))
+        energies = [f"{scale * float(row[f'energy_{by}']):.2g}" for by in ("network", "constant")]
+        lines.append((row["flights"], f"`{row['network']}`", *figures, " / ".join(energies)))
+    return _table((*head, "difference of NLL", "energy / constant's"), lines)
+
+
+def worth() -> str:
+    """Return errors of a method without networks, at constant sigmas and with them."""
+    states = {"attitude, deg": "matched_attitude_rmse_deg", "position, m": "position_rmse_m"}
+    head = ("flights", "network", "state", "n", "none", "constant", "network", "NEES")
+    lines = []
+    for row in _read(EVIDENCE / "networks.csv"):
+        for state, key in states.items() if not row.get("failure") else ():
+            rmse = [f"{float(row[f'{key}_{by}']):.3g}" for by in ("none", "constant", "network")]
+            name = state.partition(",")[0]
+            nees = f"{float(row[f'{name}_nees_network']):.1f}"
+            less = [
+                _interval(row, *(f"{key}_less_{by}{end}" for end in ("", "_low", "_high")))
+                for by in ("none", "constant")
+            ]
+            lines.append(
+                (row["flights"], f"`{row['network']}`", state, row["n"], *rmse, nees, *less)
+            )
+    return _table((*head, "less none", "less constant"), lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
-    one.__name__: one for one in (summary, clean, methods, recordings, outcomes, times, peers)
+    one.__name__: one
+    for one in (summary, clean, methods, recordings, outcomes, times, peers, answers, worth)
 }
 
 
@@ -195,7 +239,8 @@ def _errors(groups: dict[str, list[Row]]) -> str:
 
 
 def _table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
-    rule = ["---" if name in (head[0], "unit", "of what") else "---:" for name in head]
+    words = (head[0], "network", "state", "unit", "of what")
+    rule = ["---" if name in words else "---:" for name in head]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (head, rule, *lines))
 
 
@@ -215,6 +260,12 @@ def _write(path: Path, rows: list[Row]) -> None:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
+
+
+def _interval(row: Row, *keys: str) -> str:
+    """Return a figure with its interval, where there is one."""
+    value, low, high = (f"{float(row[key]):+.2g}" for key in keys)
+    return value if low == "+nan" else f"{value} ({low} to {high})"
 
 
 def _digits(value: float | None) -> str:

@@ -51,7 +51,7 @@ class Alignment:
         return despun(self.rotation, self.t_s, self.R_nb)
 
     def epochs_of(self, t_s: FloatArray) -> IntArray:
-        """Return which of some times, (m,), each keyframe is at, (n,); -1 of none."""
+        """Find the index of each keyframe among times (m,): (n,), -1 where there is none."""
         row = np.searchsorted(self.t_s, t_s).clip(max=len(self.t_s) - 1)
         same = np.flatnonzero(self.t_s[row] == t_s)
         epoch = np.full(len(self.t_s), -1, dtype=np.int64)

@@ -122,11 +122,11 @@ def of_arrays(
     """
     views = pivot_views(flight, causal=causal)
     parts: list[tuple[View, Alignment]] = []
-    for view, one in zip(views, phases, strict=True):
-        if one is None:
+    for view, phase in zip(views, phases, strict=True):
+        if phase is None:
             continue
         try:
-            parts.append((view, _of_array(view.flight, one, causal=causal)))
+            parts.append((view, _of_array(view.flight, phase, causal=causal)))
         except NoSolutionError:
             if not parts:
                 raise

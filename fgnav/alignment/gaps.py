@@ -1,4 +1,4 @@
-"""Where a recording has holes: keyframes within them, straight lines across, and notes."""
+"""Bridge gaps of a recording: keyframes within them, linear interpolation, and notes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -158,7 +158,7 @@ def _as_white(variance: float) -> float:
 
 
 def time_from_attitude_s(t_s: FloatArray, valid: BoolArray, *, causal: bool = False) -> FloatArray:
-    """Return how far each keyframe is from one with an attitude, s, (n,); causal: from the last."""
+    """Compute the time from each keyframe to the nearest attitude, s, (n,); causal: the last."""
     if causal:
         return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
     valid_s = t_s[valid]

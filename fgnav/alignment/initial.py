@@ -30,7 +30,9 @@ def level_start(flight: Flight, imu: Imu, rotation: ImuRotation, at_s: float) ->
     R_nb = levelled(f_u[None])[0] @ R_ub if np.any(f_u) else np.eye(3)
     R_nb = from_euler(*(to_euler(R_nb[None]) * [1, 1, 0]).T)[0]
     sensor = flight.magnetometer
-    baselines = [one for one in heading_baselines(flight) if one.of.t_s[0] <= at_s + SAME_S]
+    baselines = [
+        baseline for baseline in heading_baselines(flight) if baseline.of.t_s[0] <= at_s + SAME_S
+    ]
     if baselines:
         R_nb = _turned_to_baseline(baselines[0], rotation, R_nb @ R_ub.T, at_s) @ R_ub
     elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
@@ -48,14 +50,14 @@ def heading_without_motion_s(flight: Flight, first_s: float) -> float:
     if sigma_rad is not None and sigma_rad < KNOWN_RAD:  # so well that the search starts there
         return -np.inf
     sensor = flight.magnetometer
-    begins_s = [float(one.of.t_s[0]) for one in heading_baselines(flight)]
+    begins_s = [float(baseline.of.t_s[0]) for baseline in heading_baselines(flight)]
     begins_s += [float(sensor.t_s[0])] if _field_determines_heading(sensor) else []
     from_s = min(begins_s, default=np.inf)
     return -np.inf if from_s <= first_s + SAME_S else from_s
 
 
 def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetometer]:
-    """Return whether a magnetometer's heading is good enough for the search to start there."""
+    """Return True if a magnetometer's heading is good enough for the search to start there."""
     if sensor is None or not len(sensor.t_s):
         return False
     across_ut = float(np.hypot(*sensor.field_n_ut[:2]))
@@ -106,7 +108,7 @@ def stated_attitude(initial: InitialAttitude | None, R_nb: FloatArray) -> FloatA
 def attitude_prior(
     initial: InitialAttitude | None, R_nb: FloatArray, heading_sigma_rad: float | None = None
 ) -> AttitudePrior | None:
-    """Return what a flight states of its first attitude as a prior; None where it states nothing.
+    """Return the nominal prior of the first attitude; None where the flight gives none.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ def rough_rates(
 def slopes_at(
     samples_s: FloatArray, w_b_radps: FloatArray, t_s: FloatArray, *, causal: bool = False
 ) -> FloatArray:
-    """Return how a gyroscope's rates change, (n, 3), by those about each time, or before it."""
+    """Estimate a gyroscope's angular acceleration, (n, 3), by samples about or up to times."""
     after_s = 0.0 if causal else _SLOPE_SPAN_S / 2
     after, before = (
         interpolate(t_s + off_s, samples_s, w_b_radps, causal=causal)
@@ -94,7 +94,7 @@ def timed_motion(
     causal: bool = False,
     span_s: float = FORCE_SPAN_S,
 ) -> TimedMotion:
-    """Return how a body moves at times, (n,); a clock's offset holds in the record's middle."""
+    """Compute the kinematics at times, (n,); a clock's offset holds in the record's middle."""
     w_b = imu.w_b_radps
     rates = None if w_b is None else interpolate(t_s, imu.t_s, w_b, causal=causal)
     before = mean_force_b_mps2(imu, t_s, rates, span_s=span_s)

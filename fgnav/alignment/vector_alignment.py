@@ -78,7 +78,7 @@ def of_vectors(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) 
 
 
 def _dense(attitudes: Alignment) -> bool:
-    """Return whether most epochs are close to one with an attitude."""
+    """Return True if most epochs are close to one with an attitude."""
     valid = attitudes.valid
     away_s = time_from_attitude_s(attitudes.t_s, valid)
     return bool(valid.sum() >= _FEWEST and (away_s > _NEAR_S).mean() <= 0.5)

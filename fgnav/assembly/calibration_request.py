@@ -26,7 +26,7 @@ _SPACE_B = ("x_b", "y_b", "z_b")
 
 @dataclass(frozen=True, slots=True)
 class _Kind:
-    """What may be asked for: axes, whether its sigma is stated in degrees, its default."""
+    """Kind of a calibration parameter: axes, unit of its sigma, default."""
 
     axes: tuple[str, ...]
     degrees: bool
@@ -67,7 +67,7 @@ class CalibrationRequest:
 
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
-    """Return what the words of ``estimate`` ask for.
+    """Parse the words of ``calibrate``.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
                 sigma=float(np.radians(value)) if of_kind.degrees else value,
             )
         )
-    named = [(one.kind, one.antenna) for one in requests]
+    named = [(request.kind, request.antenna) for request in requests]
     for word, of in zip(estimate, named, strict=True):
         if named.count(of) > 1 or (of[1] and ("antenna", None) in named):
             raise BadInputError(f"calibrate: {quoted(word)} is asked for twice")
@@ -145,7 +145,7 @@ def constants_of(
         "gravity": not gravity and "no source of the direction of gravity; see --gravity",
         "lever-arm": flight.imu is None and "the flight has no [imu]",
         "clock": flight.imu is None and "the flight has no [imu]",
-        "velocity-delay": all(one.v_n_mps is None for one in flight.fixes)
+        "velocity-delay": all(fixes.v_n_mps is None for fixes in flight.fixes)
         and "the flight has no [fixes] with velocities",
     }
     constants: list[Parameter] = []
@@ -178,7 +178,7 @@ def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Para
     them tags are taken as exact.
     """
     imu = flight.imu
-    is_requested = any(one.kind == "clock" for one in words)
+    is_requested = any(word.kind == "clock" for word in words)
     if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_requested:
         return ()
     if flight.observations is not None:
@@ -189,8 +189,8 @@ def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Para
 
 
 def late_s(words: tuple[CalibrationRequest, ...]) -> float:
-    """Return how far back in time forces are to lead: as late as velocities have proved."""
-    return max((FORCE_SPAN_S, *(one.start for one in words if one.kind == "velocity-delay")))
+    """Return the latency that back-propagation covers: that of the velocities."""
+    return max((FORCE_SPAN_S, *(word.start for word in words if word.kind == "velocity-delay")))
 
 
 def of_time(word: CalibrationRequest) -> tuple[Parameter, ...]:
@@ -215,9 +215,9 @@ def with_evidence(constants: tuple[Parameter, ...], *, sight: bool) -> tuple[Par
     NoSolutionError
         Naming one that is not observable.
     """
-    for one in constants:
-        if one.name in ("landmark", "boresight") and not sight:
-            raise NoSolutionError(f"{one.name}: the detector never sees the landmark")
+    for constant in constants:
+        if constant.name in ("landmark", "boresight") and not sight:
+            raise NoSolutionError(f"{constant.name}: the detector never sees the landmark")
     return constants
 
 
@@ -225,14 +225,14 @@ def with_landmark(
     constants: tuple[Parameter, ...], landmark_n_m: FloatArray
 ) -> tuple[Parameter, ...]:
     """Return constants with the landmark's place among them: surveyed, if it was not asked for."""
-    if not any(one.name == "landmark" for one in constants):
+    if not any(constant.name == "landmark" for constant in constants):
         surveyed = flight_constant("landmark", _SPACE_N, "m", SURVEYED_M, reported=False)
         constants = (*constants, surveyed)
     return tuple(
-        replace(one, mean=landmark_n_m, start=landmark_n_m + one.start)
-        if one.name == "landmark"
-        else one
-        for one in constants
+        replace(constant, mean=landmark_n_m, start=landmark_n_m + constant.start)
+        if constant.name == "landmark"
+        else constant
+        for constant in constants
     )
 
 
@@ -243,7 +243,7 @@ def mean_rate() -> Parameter:
 
 
 def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
-    """Return which antennas a word means; the reference has the lever arm."""
+    """List the antennas that a word means; the reference has the lever arm."""
     count = len(flight.antennas)
     if count < 2 or flight.observations is None:
         raise BadInputError("calibrate antennas: the flight has no array of antennas")

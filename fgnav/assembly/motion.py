@@ -1,4 +1,4 @@
-"""What leads from keyframe to keyframe: by the gyroscope, or by the prior of the body's rate."""
+"""Build the motion between keyframes: by a gyroscope, or by the prior of the body's rate."""
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def motion_of(
     constants: Parameters,
     multipath: Multipath | None = None,
 ) -> tuple[Motion, Turning | None, tuple[str, ...]]:
-    """Return what leads from keyframe to keyframe, gaps included, and what to note.
+    """Build the motion between keyframes, gaps included, and notes.
 
     Without a gyroscope also the rotation predicted by attitudes alone.
     """
@@ -141,7 +141,7 @@ def _causal_priors(start: Alignment, sure: BoolArray) -> tuple[FloatArray, Float
 
 
 def _is_by_array(start: Alignment) -> bool:
-    """Return whether attitudes are an array's alone, about all axes.
+    """Return True if attitudes are an array's alone, about all axes.
 
     Those of vectors err alike for seconds, and as the body turns, which would seem to swing.
     """
@@ -181,7 +181,7 @@ def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _latest(past_s: FloatArray, t_s: FloatArray) -> IntArray:
-    """Return which of some times is the latest up to each of others, (m,), or else the first."""
+    """Find the latest time up to each of other times, (m,), or else the first."""
     return np.asarray((np.searchsorted(past_s, t_s, side="right") - 1).clip(0))
 
 

@@ -5,18 +5,19 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from fgnav.alignment.in_motion.windows import EarlierMotion
-from fgnav.assembly.position.numbered_arcs import EarlierArcs
+from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.assembly.sensors.rest import Rest
+from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.delayed import TimedMotion
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.types.estimate import Rejected
-from fgnav.types.flight import Imu
+from fgnav.types.flight import Flight, Imu
 from fgnav.types.integers import ArcInteger, Integers
 
 
 class Earlier(NamedTuple):
-    """What the problem of a flight that goes on needs of its beginning, which is not kept.
+    """Summary of earlier keyframes for the problem of a flight that continues.
 
     Of a flight with a gyroscope and one antenna, or fixes, whose heading is known.
     """
@@ -37,6 +38,7 @@ class PreparedFlight:
     unused: tuple[Unused, ...]
     rejections: tuple[Rejected, ...]
     notes: tuple[str, ...]
+    observed: tuple[Observed, ...]  # phases and codes of antennas, by keyframe
     timed: TimedMotion  # how keyframes move, by which clocks and delays show
     rough: bool = False  # whether the attitudes that the search starts from assume something
     causal: bool = False  # whether each keyframe is to be known by what came before it alone
@@ -50,9 +52,12 @@ class PreparedFlight:
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 
     def changed(self, by: Callable[[Problem], Problem]) -> "PreparedFlight":
-        """Return the same with its problem changed, and that of its opening."""
+        """Apply a change to the problem, and to that of the opening."""
         opening = self.opening
         if opening is not None:
             aligned = None if opening.aligned is None else by(opening.aligned)
             opening = replace(opening, problem=by(opening.problem), aligned=aligned)
         return replace(self, problem=by(self.problem), opening=opening)
+
+
+Build = Callable[[Flight, ProblemSettings], PreparedFlight]

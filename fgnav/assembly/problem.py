@@ -120,6 +120,7 @@ def build_problem(
         unused=(*_all(parts, "unused"), *repeated),
         rejections=_all(parts, "rejections"),
         notes=(*_all(parts, "notes"), *notes),
+        observed=track.antenna.phases,
         timed=timed,
         rough=stage.start.rough,
         causal=stage.causal,
@@ -130,7 +131,7 @@ def build_problem(
 
 
 def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
-    """Return what parts of the problem report, one after another."""
+    """Concatenate the reports of the problem's parts."""
     return tuple(one for part in parts for one in getattr(part, name, ()))
 
 
@@ -144,7 +145,7 @@ def _opening(
 
 
 def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMotion:
-    """Return how the body moves at keyframes, by which clocks and delays show."""
+    """Compute the kinematics at keyframes, for clocks and delays."""
     return timed_motion(
         stage.record.imu,
         track.t_s,
@@ -168,20 +169,20 @@ def _phase_before_heading(
 ) -> AntennaPhase | None:
     """Return phases before the heading is known: turns wind them up about an open one, too."""
     phases, t_s = track.antenna.phases, track.t_s
-    if stage.R_open is None or all(one.of.pole_n is None for one in phases):
+    if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
         return phase
-    before = [t_s[one.row] < stage.heading_known_s for one in phases]
+    before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
     part = tuple(
-        one._replace(row=one.row[rows], epoch=one.epoch[rows])
-        for one, rows in zip(phases, before, strict=True)
+        phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
+        for phase, rows in zip(phases, before, strict=True)
     )
     return antenna_phase(part, t_s, stage.R_open, constants, causal=True).phase
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
-    """Return what later keyframes need of these; None while, or where, it is not all summed up."""
+    """Return the summary that later keyframes need; None while it is incomplete."""
     start, others = stage.start, (flight.base, flight.vehicle, flight.photodetector, stage.down)
-    if flight.standstill or any(one is not None for one in others):
+    if flight.standstill or any(other is not None for other in others):
         return None
     if start.motion is None or not start.motion.step_s or not start.valid.any():
         return None
@@ -206,7 +207,7 @@ def _constants(
     others: Instruments,
     photodetector: Photodetector | None,
 ) -> Parameters:
-    """Return what is estimated with the flight: asked for, of instruments, of phases, the rate."""
+    """List the constants: calibration, instruments, phases and the mean rate."""
     parts = with_evidence(requested, sight=others.is_landmark_seen)
     if others.is_landmark_seen and photodetector is not None:
         parts = with_landmark(parts, photodetector.landmark_n_m)
@@ -226,7 +227,7 @@ def _antennas(
     """Yield the sensors of antennas."""
     start, antenna, (multipath, timed) = stage.start, track.antenna, of
     rates, earth = stage.rates if stage.gyroscope else None, stage.earth_rate_n_radps
-    names = tuple(one.name for one in flight.antennas)
+    names = tuple(antenna.name for antenna in flight.antennas)
     if start.form is not None:
         shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
         errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch

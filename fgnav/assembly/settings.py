@@ -1,4 +1,4 @@
-"""What decides how a flight becomes a smoothing problem."""
+"""Settings by which a flight becomes a smoothing problem."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from fgnav.types.integers import Resolver
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProblemSettings:
-    """What decides how a flight becomes a smoothing problem; see ``Smoother``."""
+    """Settings by which a flight becomes a smoothing problem; see ``Smoother``."""
 
     resolver: Resolver
     gravity: GravityEstimator | None = None

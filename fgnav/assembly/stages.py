@@ -56,7 +56,7 @@ class Aligned(NamedTuple):
 
     @property
     def gyroscope(self) -> bool:
-        """Whether rates are measured."""
+        """True if rates are measured."""
         return self.record.imu.w_b_radps is not None
 
     @property
@@ -76,12 +76,12 @@ class Aligned(NamedTuple):
 
     @property
     def away_s(self) -> FloatArray:
-        """How far each keyframe is from one with an attitude, (n,); causal: from the last."""
+        """Time from each keyframe to the nearest attitude, s, (n,); causal: to the last."""
         return time_from_attitude_s(self.start.t_s, self.start.valid, causal=self.causal)
 
 
 class Tracked(NamedTuple):
-    """How antennas moved, what contradicts the inertial track left out."""
+    """Motion of antennas, without measurements that contradict the inertial track."""
 
     t_s: FloatArray
     antenna: AntennaMotion  # velocities, and positions of fixes, without what is left out
@@ -168,7 +168,7 @@ def _open_attitudes(flight: Flight, imu: Imu, start: Alignment) -> FloatArray | 
 def measured_times_s(flight: Flight) -> FloatArray:
     """Return times of what receivers solve beside the track: further fixes, and baselines."""
     further = flight.fixes[1:] if flight.observations is None else ()
-    times = [one.t_s for one in further] + [one.t_s for one in flight.baselines]
+    times = [one.t_s for one in further] + [baseline.t_s for baseline in flight.baselines]
     return np.unique(np.concatenate([np.empty(0), *times]))
 
 
@@ -248,7 +248,7 @@ def _float_arcs(
 
 
 def tracked(flight: Flight, stage: Aligned) -> Tracked:
-    """Return how antennas moved; fixes and velocities are tested against the inertial track.
+    """Build the antennas' motion; fixes and velocities are tested against the inertial track.
 
     Raises
     ------
@@ -295,7 +295,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         antenna,
         places_n_m,
         gravity_n_mps2,
-        tuple(one for gate in tested.values() for one in gate.rejections),
+        tuple(rejection for gate in tested.values() for rejection in gate.rejections),
         tuple(one for gate in tested.values() for one in gate.unused),
     )
 
@@ -336,7 +336,7 @@ def kept(
 
 
 def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> str:
-    """Return what keeps a flight from having attitudes to start from."""
+    """Return the reason why a flight has no initial attitudes."""
     if not covered.any():
         return (
             f"no GNSS epoch lies within the accelerometer's record, {imu.t_s[0]:.3f} to "

@@ -66,9 +66,9 @@ class AttitudeSolution:
         """Return the noise's variance over the stated, as the residuals of most epochs say.
 
         1 where they agree within a third, and never more than three times the standard deviation,
-        or less than a third of it: beyond that it is not noise that is wrong. Not below 1 where few
-        residuals say so. The median of chi-square over its own median, so that epochs with wrong
-        integers do not count.
+        or less than a third of it: of epochs that fail the chi-square test even then it is not
+        noise that is wrong, and they do not count unless all are such. Not below 1 where few
+        residuals say so. The median of chi-square over its own median.
         """
         rows, shares = self._shares_of_median()
         factor = _significant_factor(shares)
@@ -90,8 +90,10 @@ class AttitudeSolution:
         return out
 
     def _shares_of_median(self) -> tuple[IntArray, FloatArray]:
-        """Return epochs with redundancy, (k,), and their chi-square over its median."""
-        rows = np.flatnonzero(self.solved & (self.degrees_of_freedom > 0))
+        """Return epochs that noise may explain, (k,), and their chi-square over its median."""
+        tested = self.solved & (self.degrees_of_freedom > 0)
+        by_noise = tested & self.consistent(variance_factor=_LOUDEST)
+        rows = np.flatnonzero(by_noise if by_noise.any() else tested)
         freedom = self.degrees_of_freedom[rows]
         median = freedom * (1 - 2 / (9 * freedom)) ** 3  # Wilson and Hilferty
         return rows, self.chi_square[rows] / median

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.gnss.clock_free import range_information
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.integers import Integers, fixed_ranges_m
 
@@ -60,14 +60,12 @@ class RotationQuadratic:
         A NaN at a reference channel takes that one link of that antenna out: the rest of the
         antenna's group shares its error as a constant, which its receiver term takes up.
         """
-        lever_arms_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
-        joint, count = _collect(
-            np.ascontiguousarray(ranges_m),
-            np.array(differences.e_n, order="C"),  # not frozen: compiled once
-            1.0 / differences.phase_variance_m2,
-            differences.group,
-            lever_arms_b_m,
-        )
+        joint = range_information(differences, ranges_m, differences.baselines_b_m)
+        seen, group = np.isfinite(ranges_m), differences.group
+        receivers = [
+            seen[:, :, group == g].any(axis=2).sum(axis=1) for g in range(group.max(initial=-1) + 1)
+        ]
+        count = seen.sum(axis=(1, 2)) - sum(receivers, np.zeros(len(seen), dtype=np.int64))
         return cls(joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count)
 
     @classmethod
@@ -184,118 +182,3 @@ def tangent_jacobian(R_nb: FloatArray) -> FloatArray:
         near, far = (k + 1) % 3, (k + 2) % 3
         J[:, :, near, k], J[:, :, far, k] = R_nb[:, :, far], -R_nb[:, :, near]
     return J.reshape(-1, 9, 3)
-
-
-# The kernels below are plain loops: numba compiles them in a quarter of the time that kron, outer
-# and solve take, and a first run waits for that.
-@kernel
-def _collect(
-    ranges_m: FloatArray,
-    e_n: FloatArray,
-    weight: FloatArray,
-    group: IntArray,
-    lever_arms_b_m: FloatArray,
-) -> tuple[FloatArray, IntArray]:
-    """Sum the forms of all groups of all epochs, (n, 10, 10); see ``of_double_differences``."""
-    n, m, antennas = len(ranges_m), len(group), len(lever_arms_b_m)
-    # Ranges stand beside x as a tenth column: information, vector and constant at once.
-    joint = np.zeros((n, 10, 10))
-    count = np.zeros(n, dtype=np.int64)
-    groups = 0
-    for j in range(m):
-        groups = max(groups, group[j] + 1)
-    for g in range(groups):
-        for k in range(n):
-            laplacian = np.zeros((antennas, antennas))  # of the receiver terms
-            cross = np.zeros((antennas, 10))
-            for j in range(m):
-                if group[j] == g:
-                    links = _add_channel(
-                        ranges_m[k, :, j],
-                        e_n[k, j],
-                        weight[k, j],
-                        lever_arms_b_m,
-                        joint[k],
-                        laplacian,
-                        cross,
-                    )
-                    count[k] += max(links - 1, 0)
-            for i in range(1, antennas):
-                count[k] -= laplacian[i, i] > 0.0
-            _eliminate(laplacian, cross, joint[k])
-    return joint, count
-
-
-@inlined
-def _add_channel(
-    ranges_m: FloatArray,
-    e_n: FloatArray,
-    weight: float,
-    lever_arms_b_m: FloatArray,
-    joint: FloatArray,
-    laplacian: FloatArray,
-    cross: FloatArray,
-) -> int:
-    """Add one channel of one epoch, its satellite term eliminated; return its links."""
-    here, rows = _centred_rows(ranges_m, e_n, lever_arms_b_m)
-    antennas, links = len(here), 0
-    for i in range(antennas):
-        links += here[i] > 0.0
-    for i in range(antennas if links > 1 else 0):
-        for c in range(10):
-            cross[i, c] += weight * rows[i, c]
-            for d in range(10):
-                joint[c, d] += weight * rows[i, c] * rows[i, d]
-        for other in range(antennas):
-            centred = (i == other) - 1.0 / links
-            laplacian[i, other] += weight * here[i] * here[other] * centred
-    return links
-
-
-@inlined
-def _centred_rows(
-    ranges_m: FloatArray, e_n: FloatArray, lever_arms_b_m: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return which antennas have the link, and each one's range by x beside the range itself.
-
-    Less their mean over the antennas that have the link; rows of the others are zero.
-    """
-    antennas = len(lever_arms_b_m)
-    here = np.zeros(antennas)
-    rows = np.zeros((antennas, 10))
-    for i in range(antennas):
-        if i > 0 and np.isnan(ranges_m[i - 1]):
-            continue
-        here[i] = 1.0
-        for a in range(3):
-            for b in range(3):
-                rows[i, 3 * a + b] = -e_n[a] * lever_arms_b_m[i, b]
-        if i > 0:
-            rows[i, 9] = ranges_m[i - 1]
-    for c in range(10):
-        total, links = 0.0, 0.0
-        for i in range(antennas):
-            total += rows[i, c]
-            links += here[i]
-        for i in range(antennas):
-            rows[i, c] -= here[i] * (total / links)
-    return here, rows
-
-
-@inlined
-def _eliminate(laplacian: FloatArray, cross: FloatArray, joint: FloatArray) -> None:
-    """Take the receiver terms off, by Cholesky; the reference antenna's term is the datum."""
-    antennas = len(laplacian)
-    for i in range(1, antennas):
-        if laplacian[i, i] == 0.0:
-            continue  # it has no links
-        pivot = laplacian[i, i]
-        for c in range(10):
-            for d in range(10):
-                joint[c, d] -= cross[i, c] * cross[i, d] / pivot
-        for other in range(i + 1, antennas):
-            factor = laplacian[other, i] / pivot
-            for c in range(10):
-                cross[other, c] -= factor * cross[i, c]
-            for column in range(i + 1, antennas):
-                laplacian[other, column] -= factor * laplacian[i, column]

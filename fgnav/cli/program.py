@@ -51,9 +51,9 @@ _COMMANDS = {
         "List who resolves integers, installed too.",
     ),
     "factors": ("fgnav.cli.listings:factors", "List the factors of the graph, installed too."),
-    "calibration": (
-        "fgnav.cli.calibration:calibration",
-        "Judge a network's covariance on flights with truth.",
+    "referee": (
+        "fgnav.cli.referee:referee",
+        "Judge networks on flights with truth: answers, and worth in a smoother.",
     ),
     "warm": ("fgnav.cli.demo:warm", "Compile everything once, so that no later run waits for it."),
 }

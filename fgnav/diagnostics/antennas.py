@@ -46,7 +46,7 @@ class Exchange(NamedTuple):
     runner_up_ratio: float
 
     def message(self, flight: Flight) -> str:
-        """Return what was found, with the evidence."""
+        """Return the finding with its evidence."""
         first, second = (flight.antennas[i].name for i in self.pair)
         return (
             f"{first} and {second} are exchanged from {self.from_s:.1f} to {self.until_s:.1f} s: "
@@ -78,8 +78,9 @@ def exchanged_antennas(
 ) -> Exchange | None:
     """Return two antennas that are exchanged over a span of epochs.
 
-    Each epoch that fits with an exchange alone favours it by the same odds. The span that favours
-    it most is returned if, of all pairs and spans, chance leaves none such.
+    By integers that LAMBDA finds without the shape. Each epoch that fits with an exchange alone
+    favours it by the same odds, and one that fits as given opposes it. The span that favours it
+    most is returned if, of all pairs and spans, chance leaves none such.
 
     Parameters
     ----------
@@ -91,18 +92,18 @@ def exchanged_antennas(
     """
     tested, antennas = differences.resolvable.any(axis=(1, 2)), len(differences.baselines_b_m) + 1
     failing = np.flatnonzero(tested & ~fixed)
-    failing = failing[~fits_shape(flight, differences[failing])]
+    failing = failing[~_fits_by_lambda(flight, differences[failing])]
     count = differences.t_s.size**2 / 2 * antennas * (antennas - 1) / 2
     needed = np.log(max(count, 1) / _FALSE_ALARM) / np.log(1 / _BY_CHANCE)
     if antennas < 3 or len(failing) < needed:
         return None
     shapes = _exchanges(differences[_spread(failing, _OF_PAIRS)])
-    fitting = [(fits_shape(flight, shape).sum(), pair) for pair, shape in shapes]
+    fitting = [(_fits_by_lambda(flight, shape).sum(), pair) for pair, shape in shapes]
     likely, spans = [pair for _, pair in sorted(fitting, reverse=True)[:2]], []
     for pair, shape in _exchanges(differences[failing]):
         if pair in likely:
             score = np.where(tested, -1, 0)
-            score[failing] = np.where(fits_shape(flight, shape), 1, -1)
+            score[failing] = np.where(_fits_by_lambda(flight, shape), 1, 0)
             spans.append((*_best_span(score), pair))
     (total, first, last, pair), (other, *_) = sorted(spans, reverse=True)
     if total < needed:
@@ -111,28 +112,30 @@ def exchanged_antennas(
     return Exchange(pair, *differences.t_s[[first, last]].tolist(), *ratios)
 
 
-def fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
-    """Return which epochs, (n,), fit the array's shape.
-
-    Integers that LAMBDA finds without the shape are tried first: under it are searched the others.
-    """
+def _fits_by_lambda(flight: Flight, differences: DoubleDifferences) -> BoolArray:
+    """Select the epochs, (n,), that fit the array's shape by integers found without it."""
     if not len(differences.t_s):
         return np.zeros(0, dtype=np.bool_)
     integers = Lambda()(differences, flight)
     by_lambda = maximum_likelihood(RotationQuadratic.of_double_differences(differences, integers))
     degrees = by_lambda.degrees_of_freedom
-    fits = (by_lambda.chi_square <= _FITS * degrees) & (degrees > 0)
+    return np.asarray((by_lambda.chi_square <= _FITS * degrees) & (degrees > 0))
+
+
+def _fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
+    """Select the epochs, (n,), that fit the array's shape by LAMBDA's integers or any others."""
+    fits = _fits_by_lambda(flight, differences)
     (others,) = np.nonzero(~fits)
     if len(others):
         search = search_constrained(differences[others], _NODES)
         fits[others] = (search.costs[:, 0] <= _FITS * search.degrees) & (search.degrees > 0)
-    return np.asarray(fits)
+    return fits
 
 
 def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding | None:
     """Return antennas that are exchanged or not at their places; None if epochs fit."""
     part = differences[_spread(np.flatnonzero(differences.resolvable.any(axis=(1, 2))), _EPOCHS)]
-    fits, antennas, seen = fits_shape(flight, part), flight.antennas, flight.observations
+    fits, antennas, seen = _fits_shape(flight, part), flight.antennas, flight.observations
     exchange = None if fits.all() else exchanged_antennas(flight, part, fits)
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
@@ -142,7 +145,7 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
     evidence = f"{100 * fits.mean():.0f} % of {len(fits)} epochs fit the given places"
     every = range(len(antennas) if len(antennas) > 2 else 0)
     shares = [
-        (float(fits_shape(flight, _without(flight, seen, part.t_s, a)).mean()), a) for a in every
+        (float(_fits_shape(flight, _without(flight, seen, part.t_s, a)).mean()), a) for a in every
     ]
     best, antenna = max(shares, default=(0.0, 0))
     if best < max(_RIGHT, 2 * fits.mean()):

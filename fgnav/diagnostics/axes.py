@@ -71,7 +71,7 @@ def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
     best = min(fits, key=lambda one: _level(one[0]))
     if best is fits[0] or not is_better(fits[0][0], best[0], len(hypotheses)):
         return None
-    equal = [one for one in fits[1:] if not is_better(one[0], best[0])]
+    equal = [fit for fit in fits[1:] if not is_better(fit[0], best[0])]
     squares, _, rate, axes = min(equal, key=lambda one: (one[1], _level(one[0])))
     ratio = float(np.exp(_level(fits[0][0]) - _level(squares)))
     return _finding(rate, axes, imu, ratio) if ratio > _RATIO else None

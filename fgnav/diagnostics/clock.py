@@ -89,7 +89,7 @@ class Clock(NamedTuple):
 
 def coarse_offset(searches: Sequence[Search]) -> Search | None:
     """Return a search that excludes the given clock, if no other unique one contradicts it."""
-    found = [one for one in searches if one.is_unique]
+    found = [search for search in searches if search.is_unique]
     offsets_s = [one.offset_s for one in found]
     if not found or max(offsets_s) - min(offsets_s) > _APART_S:
         return None
@@ -267,7 +267,7 @@ def _judged(by: str, left: FloatArray) -> Search | None:
 
 
 def _is_rejected(left: FloatArray, best: int) -> BoolArray:
-    """Return which offsets, (D,), are rejected beside the best by residual squares, (W, D).
+    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best.
 
     By Student's t of log ratios, or where both ratio of sums and geometric mean ratio exceed an F
     quantile in which a window counts as one vector of three.

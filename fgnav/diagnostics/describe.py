@@ -188,7 +188,7 @@ def _check_clock(
         text = f"timestamps are {-offset_s:+.3f} s off those of GNSS{leap} {evidence}"
         mend, where = f"add {offset_s:+.3f} s to [imu] clock_offset_s", "[imu] samples, t_s"
         out.add(Finding("imu clock", text, mend, where, certain=coarse is not None))
-    elif not any(one.is_unique and abs(one.offset_s) <= COARSE_S for one in searches):
+    elif not any(search.is_unique and abs(search.offset_s) <= COARSE_S for search in searches):
         shown = "; ".join(
             f"{-s.offset_s:+.1f} or {-s.runner_up_s:+.1f} s by {s.by}" for s in searches
         )

@@ -87,7 +87,7 @@ def _column_finding(y: FloatArray, x: FloatArray, white: FloatArray) -> Finding 
 def mounting_finding(
     fixes: Fixes, integrals: Integrals, clock: Clock, vehicle: WheeledVehicle | FinnedVehicle | None
 ) -> tuple[Finding | None, bool]:
-    """Return how the IMU lies, and whether that is certain beside a body that leans."""
+    """Return the finding on the IMU's mounting, and True if no lean of the body explains it."""
     row, inside = clock.windows.row, clock.windows.inside[..., None]
     R_sb = interpolate_tensors(fixes.t_s[row].ravel(), integrals.t_s, integrals.R_sb).reshape(
         *row.shape, 3, 3

@@ -84,9 +84,10 @@ class FlightsComparison:
             if total[kind]
         }
 
-    def paired(self, name: str, method: str) -> Paired:
-        """Return what a method gains against the first one."""
-        return paired(self.figure(name, method), self.figure(name, self.methods[0]), _rng(name))
+    def paired(self, name: str, method: str, against: str | None = None) -> Paired:
+        """Return what a method gains against another, by default the first one."""
+        other = self.figure(name, against or self.methods[0])
+        return paired(self.figure(name, method), other, _rng(name))
 
     def to_dict(self) -> dict[str, Any]:
         """Return every figure in plain types; None, and null in JSON, where there is none."""
@@ -107,7 +108,7 @@ class FlightsComparison:
             },
             "against": self.methods[0],
         }
-        plain: dict[str, Any] = _without_nan(content)
+        plain: dict[str, Any] = without_nan(content)
         return plain
 
 
@@ -173,10 +174,10 @@ def _flight(one: FlightOutcome) -> dict[str, Any]:
     return {**one.detail, "figures": figures, "failure": one.failure}
 
 
-def _without_nan(content: Any) -> Any:  # noqa: ANN401  # any plain content
+def without_nan(content: Any) -> Any:  # noqa: ANN401  # any plain content
     """Return plain content with None where a number is none."""
     if isinstance(content, dict):
-        return {key: _without_nan(value) for key, value in content.items()}
+        return {key: without_nan(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
-        return [_without_nan(value) for value in content]
+        return [without_nan(value) for value in content]
     return None if isinstance(content, float) and not np.isfinite(content) else content

@@ -15,6 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.types.differences import DoubleDifferences
+
+_AT_ONCE = 200  # epochs: 10 MB
 
 
 class ClockFree(NamedTuple):
@@ -23,6 +26,7 @@ class ClockFree(NamedTuple):
     weighted: FloatArray  # (n, a, m, v): P y
     normal: FloatArray  # (n, v, v): y' P y
     certain: FloatArray  # (n, a, m): the diagonal of P
+    log_determinant: FloatArray  # (n,): of the covariance of as many double differences
 
 
 def clock_free(
@@ -43,6 +47,9 @@ def clock_free(
     antennas, weight = seen.sum(axis=1, keepdims=True).clip(1), seen / variance_m2[:, None]
     share = seen / antennas
     left, certain = _centred(values, seen, share), weight * (1.0 - 1.0 / antennas)
+    log_determinant = (
+        (antennas[:, 0] - 1) * np.log(variance_m2) * seen.any(axis=1) + np.log(antennas[:, 0])
+    ).sum(axis=1)
     for g in range(int(group.max(initial=-1)) + 1):
         on = np.flatnonzero(group == g)
         K = -(weight[:, :, on] @ share[:, :, on].swapaxes(1, 2))
@@ -51,6 +58,7 @@ def clock_free(
         alone = K[:, i, i] <= 0.0
         K[:, 0], K[:, :, 0] = 0.0, 0.0
         K[:, i, i] += (i == 0) | alone
+        log_determinant += np.linalg.slogdet(K)[1]
         inverse = np.linalg.inv(K)
         inverse[:, 0] = 0.0
         clock = inverse @ (weight[:, :, on, None] * left[:, :, on]).sum(axis=2)
@@ -64,7 +72,37 @@ def clock_free(
     weighted = weight[..., None] * left
     n, _, _, v = values.shape
     normal = values.reshape(n, -1, v).swapaxes(1, 2) @ weighted.reshape(n, -1, v)
-    return ClockFree(weighted, normal, certain)
+    return ClockFree(weighted, normal, certain, log_determinant)
+
+
+def range_information(
+    differences: DoubleDifferences, ranges_m: FloatArray, coordinates: FloatArray
+) -> FloatArray:
+    """Return the normal equations, (n, 3 c + 1, 3 c + 1), of matrices M, (3, c), row by row.
+
+    Baselines in ``n`` are M times their coordinates; what is measured stands in the last column.
+
+    Parameters
+    ----------
+    differences : DoubleDifferences
+    ranges_m : ndarray, shape (n, b, m)
+        Without integers; NaN where a link takes no part.
+    coordinates : ndarray, shape (b, c)
+    """
+    n, b, m = ranges_m.shape
+    columns = 3 * coordinates.shape[1]
+    out = np.empty((n, columns + 1, columns + 1))
+    for first in range(0, n, _AT_ONCE):
+        part = slice(first, first + _AT_ONCE)
+        seen = np.isfinite(ranges_m[part])
+        values = np.zeros((len(seen), b + 1, m, columns + 1))
+        design = np.einsum("nji,bc->nbjic", -differences.e_n[part], coordinates)
+        values[:, 1:, :, :-1] = design.reshape(*seen.shape, columns)
+        values[:, 1:, :, -1] = np.where(seen, ranges_m[part], 0.0)
+        links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+        variance_m2 = differences.phase_variance_m2[part]
+        out[part] = clock_free(differences.group, links, variance_m2, values).normal
+    return out
 
 
 def _centred(values: FloatArray, seen: BoolArray, share: FloatArray) -> FloatArray:

@@ -4,26 +4,34 @@ Owns the statement of every measurement: one file of ``factors`` holds one senso
 Jacobian, and GTSAM, the batch, innovations and reports all read that one.
 """
 
-from typing import Any
+from fgnav.graph.keys import Timeline, angular_motion, arcs, constant, imu_bias, pose, velocity
+from fgnav.lazy import lazy
 
-from fgnav.graph.keys import Timeline, angular_motion, constant, imu_bias, pose, velocity
+__all__ = ["Timeline", "angular_motion", "arcs", "constant", "imu_bias", "pose", "velocity"]
 
-__all__ = [
-    "Timeline",
-    "angular_motion",
-    "constant",
-    "imu_bias",
-    "pose",
-    "residual_factor",
-    "velocity",
-]
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Load what brings GTSAM when it is first used."""
-    if name != "residual_factor":
-        msg = f"module 'fgnav.graph' has no attribute {name!r}"
-        raise AttributeError(msg)
-    from fgnav.graph.custom import residual_factor  # noqa: PLC0415  # lazy: gtsam
-
-    return residual_factor
+_HOMES = {  # loaded on first use: they bring GTSAM
+    "custom": ("NamedFactor", "residual_factor"),
+    "factors.antenna_phase": ("AntennaPhase", "ArcBlock", "PhaseRows"),
+    "factors.array_phase": ("ArrayPhase",),
+    "factors.barometer": ("BarometricHeight",),
+    "factors.baseline": ("BaselineVector",),
+    "factors.check": (
+        *("FactorCheck", "check_factors", "check_sensor", "jacobian_misfit"),
+        *("random_motion", "random_states", "values_of"),
+    ),
+    "factors.directions": ("Directions",),
+    "factors.gravity": ("Gravity",),
+    "factors.line_of_sight": ("LineOfSight",),
+    "factors.magnetometer": ("MagneticField",),
+    "factors.position": ("Position",),
+    "factors.vehicle.aerodynamic_angles": ("AerodynamicAngles",),
+    "factors.vehicle.wheels": ("RollingWheels",),
+    "factors.velocity": ("Velocity",),
+    "inertial.gyro_free": ("GyroFree",),
+    "inertial.preintegrated": ("Inertial",),
+    "kernel_factor": ("sensor_factor",),
+    "types.parameters": ("Parameter", "Parameters", "flight_constant"),
+    "types.sensor": ("Linearised", "SensorRows", "Shapes"),
+    "types.states": ("POSITION", "RATE", "ROTATION", "VELOCITY", "States"),
+}
+__getattr__ = lazy(__name__, _HOMES)

@@ -26,7 +26,7 @@ _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Layout:
-    """Which variables a keyframe and the flight have."""
+    """Variables of a keyframe and of the flight."""
 
     gyroscope: bool
     constants: Parameters
@@ -110,7 +110,7 @@ def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
 
 
 class KeyframeMeasurements:
-    """Which measurements each keyframe of a problem has.
+    """Measurements of a problem by keyframe.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class KeyframeMeasurements:
 
 
 def keyframe_priors(problem: Problem, k: int = 0) -> list[gtsam.NonlinearFactor]:
-    """Return what is known of the first keyframe before the flight.
+    """Build the priors of the first keyframe.
 
     Pose about where the search starts, velocity about zero, both hardly known; ``aux`` as the
     motion states it.
@@ -170,7 +170,7 @@ def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
 
 
 def constant_priors(constants: Parameters) -> list[gtsam.NonlinearFactor]:
-    """Return what is known of the constants before the flight."""
+    """Build the priors of the constants."""
     covariance = gtsam.noiseModel.Gaussian.Covariance
     return [
         gtsam.PriorFactorVector(keys.constant(i), part.mean, covariance(part.covariance))

@@ -39,7 +39,7 @@ def correlated(r: FloatArray) -> float:
 
 
 def interval_s(half_life_s: float) -> float:
-    """Return how far apart measurements with such errors are counted."""
+    """Compute the interval between measurements whose errors are so correlated."""
     return HALF_LIVES * half_life_s
 
 
@@ -60,7 +60,7 @@ def inflation(half_life_s: float, between_s: float) -> float:
 
 
 def apart(t_s: FloatArray, between_s: float, first: int = 0) -> list[int]:
-    """Return which of some times, (n,), are an interval apart, or more, from a first one on."""
+    """Select times, (n,), at least an interval apart, from the first one on."""
     rows, row = list[int](), first
     while row < len(t_s):
         rows.append(row)

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from fgnav.checks import BadInputError
 from fgnav.graph import keys as symbols
-from fgnav.graph.residual_model import STEP, Jacobian, Residual, ResidualModel, spelt
+from fgnav.graph.residual_model import Jacobian, Residual, ResidualModel, spelt
 
 Noise: TypeAlias = ArrayLike | gtsam.noiseModel.Base
 
@@ -147,20 +147,6 @@ def check_factor(factor: NamedFactor, values: gtsam.Values) -> None:
         raise BadInputError(f"factor {factor.name!r}: {text}") from raised
     if not np.isfinite(error):
         raise BadInputError(f"factor {factor.name!r}: its error is not finite")
-
-
-def jacobian_misfit(factor: NamedFactor, values: gtsam.Values) -> float:
-    """Return by how much a factor's Jacobians are off central differences, of the largest element.
-
-    About 1e-9 of right ones; for tests of one's own factors.
-    """
-    model = factor.model
-    if model is None or model.jacobian is None:
-        return 0.0
-    variables = model.variables(values)
-    expected = np.concatenate(model.differences(variables), axis=1)
-    given = np.concatenate(model.jacobians(variables), axis=1)
-    return float(np.abs(given - expected).max() / max(np.abs(expected).max(), STEP))
 
 
 def raise_pending(factors: Iterable[NamedFactor]) -> None:

@@ -25,7 +25,7 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
@@ -38,7 +38,7 @@ _NO_GYROSCOPE = np.empty((0, 3))
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class TimedMotion:
-    """How the body moves at keyframes, by which their states are carried a little in time."""
+    """Kinematics at keyframes, by which states are propagated over small delays."""
 
     since_s: FloatArray  # (n,): from the time at which the clock's offset holds
     # Mean specific forces just before and after each keyframe.
@@ -67,7 +67,7 @@ class TimedMotion:
                 object.__setattr__(self, name, np.require(value, np.float64, ["C", "W"]))
 
     def at(self, row: IntArray) -> "TimedMotion":
-        """Return some keyframes of it, (k,)."""
+        """Select keyframes, (k,)."""
         rate, slope = self.measured_b_radps, self.slope_b_radps2
         return replace(
             self,
@@ -94,15 +94,17 @@ class Delayed(WrappedSensor):
         """Names of the constants in the model."""
         return (*self.times, *self.measurement.parameters)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Sensor``."""
-        at, which = contiguous(at, which)
+        at, indices = contiguous(at, indices)
         offset, rate, delay = map(self.constants.column, self.times)
         columns = offset, rate, delay
-        values = at.constants[None] if len(which) == 1 else np.tile(at.constants, (len(which), 1))
-        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, which)
-        moved, Phi, by_time = _carried(at, which, later_s, self.motion)
-        value, state, shared = self.measurement.linearise(moved, which)
+        values = (
+            at.constants[None] if len(indices) == 1 else np.tile(at.constants, (len(indices), 1))
+        )
+        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, indices)
+        moved, Phi, by_time = _carried(at, indices, later_s, self.motion)
+        value, state, shared = self.measurement.linearise(moved, indices)
         of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
         return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, by_time, by_constant))
 
@@ -143,14 +145,14 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
 
 
 def _carried(
-    at: States, which: IntArray, later_s: FloatArray, motion: TimedMotion
+    at: States, indices: IntArray, later_s: FloatArray, motion: TimedMotion
 ) -> tuple[States, FloatArray, FloatArray]:
     """Return states a time later, (j,), their derivatives by the states, (j, D, D), and by time."""
     measured, slope = motion.measured_b_radps, motion.slope_b_radps2
     R_nb, p_n_m, v_n_mps, aux, Phi, by_time = delayed_kernel.carried(
         at,
         later_s,
-        which,
+        indices,
         (motion.force_before_b_mps2, motion.force_after_b_mps2),
         _NO_GYROSCOPE if measured is None else measured,
         _NO_GYROSCOPE if slope is None else slope,

@@ -17,7 +17,7 @@ PPM = 1e-6
 def carried(
     at: States,
     later_s: FloatArray,
-    which: IntArray,
+    indices: IntArray,
     forces_b: tuple[FloatArray, FloatArray],
     measured_b_radps: FloatArray,
     slope_b_radps2: FloatArray,
@@ -30,7 +30,7 @@ def carried(
     ----------
     at : States
     later_s : ndarray, shape (j,)
-    which : ndarray of int, shape (j,)
+    indices : ndarray of int, shape (j,)
         Rows of what follows.
     forces_b : tuple of ndarray, shapes (k, 3)
         Before and after each keyframe.
@@ -52,7 +52,7 @@ def carried(
     Phi, rate = np.zeros((n, D, D)), np.zeros((n, D))
     measured = len(measured_b_radps) > 0
     for k in range(n):
-        s, R, row = later_s[k], at.R_nb[k], which[k]
+        s, R, row = later_s[k], at.R_nb[k], indices[k]
         force = forces_b[0][row] if s < 0 else forces_b[1][row]
         earth_b = rot.times(rot.transposed(R), earth_rate_n_radps)
         f, w = np.empty(3), np.empty(3)
@@ -102,9 +102,9 @@ def later(
     constants: FloatArray,
     columns: tuple[int, int, int],
     since_s: FloatArray,
-    which: IntArray,
+    indices: IntArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how much later states are than j measurements, (j,), and by which constants, (j, b).
+    """Compute the delays of j states, (j,), and their derivatives by the constants, (j, b).
 
     Parameters
     ----------
@@ -113,13 +113,13 @@ def later(
         Of the clock's offset, its rate, and a delay; negative: not estimated.
     since_s : ndarray, shape (k,)
         From the time at which the offset holds.
-    which : ndarray of int, shape (j,)
+    indices : ndarray of int, shape (j,)
         Rows of it.
     """
     j, b = constants.shape
     later_s, by_constant = np.zeros(j), np.zeros((j, b))
     for k in range(j):
-        slopes = (-1.0, -PPM * since_s[which[k]], -1.0)
+        slopes = (-1.0, -PPM * since_s[indices[k]], -1.0)
         for c in range(3):
             if columns[c] >= 0:
                 by_constant[k, columns[c]] = slopes[c]

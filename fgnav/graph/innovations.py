@@ -1,4 +1,4 @@
-"""Whether measurements and solution agree as well as both state: normalised innovations.
+"""Normalised innovations: tests of measurements against the solution without them.
 
 Each measurement is held against what the solution would be without it: of a filter's states that
 is the innovation, of smoothed ones the deletion residual [1]_. A whitened residual r of Jacobian J
@@ -93,9 +93,9 @@ def innovation_series(problem: Problem, solution: Solution) -> tuple[InnovationS
         Of all its keyframes.
     """
     of_sensors = _by_name(
-        (one.name, normalised_innovations(one, solution), problem.t_s[one.row])
-        for one in problem.sensors
-        if len(one.row)
+        (sensor.name, normalised_innovations(sensor, solution), problem.t_s[sensor.row])
+        for sensor in problem.sensors
+        if len(sensor.row)
     )
     phase = problem.phase
     if phase is None:
@@ -126,18 +126,18 @@ def normalised_innovations(measurement: Sensor, solution: Solution) -> Innovatio
     squared, lagged = np.empty(k), np.zeros(k)
     tested, rounding = np.empty(k, dtype=np.bool_), _UNTESTED
     for first in range(0, k, _AT_ONCE):
-        which = np.arange(first, min(first + _AT_ONCE, k))
+        indices = np.arange(first, min(first + _AT_ONCE, k))
         part, rounding = innovations_of(
-            measurement, which, solution, measurement.row[which], rounding
+            measurement, indices, solution, measurement.row[indices], rounding
         )
-        squared[which], tested[which] = part.squared, part.tested
-        lagged[which] = part.lagged
+        squared[indices], tested[indices] = part.squared, part.tested
+        lagged[indices] = part.lagged
     return Innovations(squared, measurement.freedom, tested, lagged)
 
 
 def innovations_of(
     measurement: Sensor,
-    which: IntArray,
+    indices: IntArray,
     solution: Solution,
     rows: IntArray,
     rounding: float = _UNTESTED,
@@ -146,7 +146,7 @@ def innovations_of(
 
     ``rounding``: what earlier ones had of it, which is returned with these.
     """
-    value, state, shared = measurement.linearise(solution.states.at(rows), which)
+    value, state, shared = measurement.linearise(solution.states.at(rows), indices)
     if solution.constants is not None:  # known worse by then than at the end
         change = solution.constants[rows] - solution.states.constants
         value = value + np.einsum("kib,kb->ki", shared, change)
@@ -156,7 +156,7 @@ def innovations_of(
     white, tested, rounding = _whitened(value, J, P, rounding)
     lagged = np.append(np.zeros(1), np.einsum("ki,ki->k", white[1:], white[:-1]))[: len(white)]
     squared = (white**2).sum(axis=1)
-    return Innovations(squared, measurement.freedom[which], tested, lagged), rounding
+    return Innovations(squared, measurement.freedom[indices], tested, lagged), rounding
 
 
 def custom_innovations(
@@ -182,15 +182,15 @@ def custom_innovations(
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    evaluated = [_of_own(one.factor, layout, solution, first) for one in factors]
+    evaluated = [_of_own(factor.factor, layout, solution, first) for factor in factors]
     squared = np.array([one.r @ one.r for one in evaluated])
     tested = np.ones(len(evaluated), dtype=np.bool_)
-    for which in _alike(evaluated, solution):  # at once, not one by one
-        rows, seen = np.array([evaluated[i].rows for i in which]), evaluated[which[0]].seen
+    for indices in _alike(evaluated, solution):  # at once, not one by one
+        rows, seen = np.array([evaluated[i].rows for i in indices]), evaluated[indices[0]].seen
         P = _covariance(solution, rows)[:, seen[:, None], seen]
-        r, J = (np.stack([evaluated[i][part] for i in which]) for part in (0, 1))
-        white, tested[which], _ = _whitened(r, J, P)
-        squared[which] = (white**2).sum(axis=1)
+        r, J = (np.stack([evaluated[i][part] for i in indices]) for part in (0, 1))
+        white, tested[indices], _ = _whitened(r, J, P)
+        squared[indices] = (white**2).sum(axis=1)
     freedom = np.array([int(one.J.any(axis=1).sum()) for one in evaluated])
     last = len(solution.covariance) - 1
     at = np.array([one.rows[-1] if one.rows else last for one in evaluated], dtype=np.int64)

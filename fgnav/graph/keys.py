@@ -11,36 +11,167 @@ _CONSTANT = ord("c")
 
 
 def pose(k: int) -> int:
-    """Return the key of keyframe k's pose: accelerometer in ``n``, ``gtsam.Pose3``."""
+    """Return the key of a keyframe's pose: the accelerometer in ``n``, ``gtsam.Pose3``.
+
+    Parameters
+    ----------
+    k : int
+        Number of the keyframe.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import pose
+    >>> import gtsam
+    >>> gtsam.Symbol(pose(3)).string()
+    'x3'
+    """
     return _symbol("x", k)
 
 
 def velocity(k: int) -> int:
-    """Return the key of keyframe k's velocity of the accelerometer, (3,), m/s, ``n``."""
+    """Return the key of a keyframe's velocity: of the accelerometer, (3,), m/s, in ``n``.
+
+    Parameters
+    ----------
+    k : int
+        Number of the keyframe.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import velocity
+    >>> import gtsam
+    >>> gtsam.Symbol(velocity(3)).string()
+    'v3'
+    """
     return _symbol("v", k)
 
 
 def imu_bias(k: int) -> int:
-    """Return the key of keyframe k's biases, ``gtsam.imuBias.ConstantBias``; with a gyroscope."""
+    """Return the key of a keyframe's biases, ``gtsam.imuBias.ConstantBias``; with a gyroscope.
+
+    Parameters
+    ----------
+    k : int
+        Number of the keyframe.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import imu_bias
+    >>> import gtsam
+    >>> gtsam.Symbol(imu_bias(3)).string()
+    'b3'
+    """
     return _symbol("b", k)
 
 
 def angular_motion(k: int) -> int:
-    """Return the key of keyframe k's vector, (12 + q,), of a flight without a gyroscope.
+    """Return the key of a keyframe's vector, (12 + q,), of a flight without a gyroscope.
 
     Accelerometer bias, body rate w, then ``T0`` times its first and ``T0**2`` times its second
-    derivative, ``T0`` 0.1 s; then the array's lasting error, where it has one (q, else 0).
+    derivative, ``T0`` 0.1 s; then the array's time-correlated error, where it has one (q, else 0).
+
+    Parameters
+    ----------
+    k : int
+        Number of the keyframe.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import angular_motion
+    >>> import gtsam
+    >>> gtsam.Symbol(angular_motion(3)).string()
+    'm3'
     """
     return _symbol("m", k)
 
 
 def arcs(j: int) -> int:
-    """Return the key of the j-th block of carrier-phase arcs, a vector."""
+    """Return the key of a block of carrier-phase arcs, a vector.
+
+    Parameters
+    ----------
+    j : int
+        Number of the block.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import arcs
+    >>> import gtsam
+    >>> gtsam.Symbol(arcs(3)).string()
+    'a3'
+    """
     return _symbol("a", j)
 
 
 def constant(i: int) -> int:
-    """Return the key of the flight's i-th constant, a vector."""
+    """Return the key of a constant of the flight, a vector.
+
+    Parameters
+    ----------
+    i : int
+        Number of the constant.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    BadInputError
+        If the number is negative.
+
+    Examples
+    --------
+    >>> from fgnav.graph import constant
+    >>> import gtsam
+    >>> gtsam.Symbol(constant(3)).string()
+    'c3'
+    """
     return _symbol("c", i)
 
 
@@ -50,7 +181,7 @@ def letter(key: int) -> str:
 
 
 def is_constant(key: int) -> bool:
-    """Return whether a key is that of a flight's constant."""
+    """Return True if a key is that of a flight's constant."""
     return key >> _INDEX_BITS == _CONSTANT
 
 
@@ -67,7 +198,7 @@ def _symbol(name: str, number: int) -> int:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Timeline:
-    """When the keyframes of a graph are: what a source of custom factors is given.
+    """Times of a graph's keyframes, the argument of a source of custom factors.
 
     Keyframe k stands at ``t_s[k]``; its variables are ``pose(k)``, ``velocity(k)`` and, with a
     gyroscope, ``imu_bias(k)``, else ``angular_motion(k)``.

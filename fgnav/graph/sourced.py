@@ -1,4 +1,4 @@
-"""What a source of factors yields when it has something to report, too."""
+"""Factors of a source, with a report of unused measurements."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

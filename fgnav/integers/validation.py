@@ -14,10 +14,12 @@ References
 ----------
 .. [1] P. J. G. Teunissen, "Quality control in integrated navigation systems", IEEE Aerospace and
    Electronic Systems Magazine 5, 1990.
+.. [2] D. J. C. MacKay, "Information Theory, Inference, and Learning Algorithms", Cambridge, 2003,
+   chapter 28: evidence is likelihood times Occam factor.
 """
 
 from dataclasses import dataclass, replace
-from math import log
+from math import log, pi
 
 import numpy as np
 
@@ -29,6 +31,7 @@ from fgnav.attitude.array import (
 )
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.gnss.clock_free import clock_free
 from fgnav.integers.arcs.consensus import arc_consensus
 from fgnav.integers.arcs.reported import APART_S
 from fgnav.integers.identification import Residuals, exclude_links, w_tests
@@ -38,6 +41,7 @@ from fgnav.types.integers import Integers, fixed_ranges_m
 
 _ROUNDS = 10  # of leaving a link, or an antenna, out
 _FULL_VOTE = log(0.999 / 0.001)  # log odds of right integers
+_ROTATIONS = 8 * pi**2  # volume of all rotations, by the body tangent in rad
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -71,6 +75,28 @@ class _Phases:
 
     def fails(self) -> BoolArray:
         return ~self.attitude.consistent(self.false_alarm, self.variance_factor)
+
+    def log_odds(self) -> FloatArray:
+        """Return the log odds of each epoch's integers against all others by phase alone, (n,).
+
+        The density of residuals, the attitude drawn from all there are, against that of any
+        integers, uniform within a wavelength [2]_: few links fit some attitude by chance.
+        """
+        seen, group = np.isfinite(self.ranges_m), self.differences.group
+        links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+        clocks = clock_free(
+            group, links, self.differences.phase_variance_m2, np.zeros((*links.shape, 1))
+        )
+        uniform, factor = np.zeros(len(seen)), np.log(self.variance_factor)
+        for g in range(int(group.max(initial=-1)) + 1):
+            of_group = seen[:, :, group == g]
+            free = of_group.sum(axis=(1, 2)) - of_group.any(axis=2).sum(axis=1)
+            uniform += free * log(self.differences.wavelength_m[group == g][0])
+        normal = (self.form.count * (log(2 * pi) + factor) + clocks.log_determinant) / 2
+        volume = np.linalg.slogdet(self.attitude.covariance_rad2)[1] + 3 * (log(2 * pi) + factor)
+        occam = np.minimum(volume / 2 - log(_ROTATIONS), 0.0)
+        fit = self.attitude.chi_square / self.variance_factor / 2
+        return np.asarray(uniform - normal + occam - fit)
 
     def w_tests(self, rows: IntArray) -> FloatArray:
         part, R_nb = self.differences.resampled(rows), self.attitude.R_nb[rows]
@@ -149,7 +175,7 @@ def _held_by_arcs(
     phases = _phases(differences, integers, false_alarm, causal=causal)
     fails = phases.fails()
     sound = phases.attitude.solved & ~fails & (phases.attitude.degrees_of_freedom > 0)
-    votes = _votes(differences.t_s, sound, integers.wrong_probability)
+    votes = _votes(differences.t_s, sound, phases.log_odds(), integers.wrong_probability)
     weight = np.where(integers.fixed, votes[:, None, None], 0.0)
     arcs = arc_consensus(differences.arc, integers.cycles, weight, causal=causal)
     open_baseline = ~integers.fixed.any(axis=2, keepdims=True)
@@ -195,17 +221,20 @@ def _variance_factor(attitude: AttitudeSolution, *, causal: bool) -> FloatArray:
     return np.full(len(attitude.solved), attitude.variance_factor())
 
 
-def _votes(t_s: FloatArray, sound: BoolArray, wrong: FloatArray | None) -> FloatArray:
+def _votes(
+    t_s: FloatArray, sound: BoolArray, log_odds: FloatArray, wrong: FloatArray | None
+) -> FloatArray:
     """Return the weights of epochs in votes on integers of their arcs, (n,), from 0 to 1.
 
-    As the log odds of right integers, in full at a chance of 1e-3 that they are wrong. Epochs so
-    far apart that they err independently agree on wrong integers by chance alone: one counts in
-    full a correlation time after the one before.
+    As the log odds of right integers, those of the residuals or those that the resolver states, in
+    full at a chance of 1e-3 that they are wrong. Epochs so far apart that they err independently
+    agree on wrong integers by chance alone: one counts in full a correlation time after the one
+    before.
     """
-    votes = np.diff(t_s, prepend=t_s[:1]) / APART_S
     if wrong is not None:
         chance = wrong.clip(1e-300, 1 - 1e-16)
-        votes = np.maximum(votes, (np.log1p(-chance) - np.log(chance)) / _FULL_VOTE)
+        log_odds = np.maximum(log_odds, np.log1p(-chance) - np.log(chance))
+    votes = np.maximum(np.diff(t_s, prepend=t_s[:1]) / APART_S, log_odds / _FULL_VOTE)
     return np.where(sound, votes.clip(0.0, 1.0), 0.0)
 
 

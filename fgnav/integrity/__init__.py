@@ -1,1 +1,1 @@
-"""What contradicts: samples screened before, verdicts after, and the exclusion of a suspect."""
+"""Screening of samples, verdicts on measurements, and exclusion of an outlier."""

@@ -59,7 +59,8 @@ def without_contradictions(
     again : callable
         The same method.
     """
-    if all(one.sensor in _SET_UP for one in estimate.verdicts):  # of no sensor's measurements
+    # Of no sensor's measurements.
+    if all(verdict.sensor in _SET_UP for verdict in estimate.verdicts):
         return estimate
     for exclusion in islice(exclusions(flight, estimate.verdicts), _TRIALS):
         try:
@@ -97,14 +98,14 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
     sensors = list(dict.fromkeys(one.sensor for one in worst))
     sensors.sort(key=lambda name: name not in INSTRUMENTS)
     for sensor in sensors:
-        own = [one for one in verdicts if one.sensor == sensor]
+        own = [verdict for verdict in verdicts if verdict.sensor == sensor]
         spans = np.array([[one.from_s - _MARGIN_S, one.until_s + _MARGIN_S] for one in own])
         changed = _flight_excluding(flight, sensor, spans)
         if changed is not None:
             is_gone = sensor in INSTRUMENTS and not _records(changed, INSTRUMENTS[sensor])
             yield Exclusion(changed, tuple(map(_rejected, own)), tuple(own) if is_gone else ())
     for name, kind in INSTRUMENTS.items():
-        times = [one.t_s for one in _records(flight, kind).values() if len(one.t_s)]
+        times = [record.t_s for record in _records(flight, kind).values() if len(record.t_s)]
         if times and name not in sensors:
             reason = "without it the other measurements are consistent: left out"
             span = min(float(t_s[0]) for t_s in times), max(float(t_s[-1]) for t_s in times)
@@ -130,7 +131,7 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
             return _flight_without(flight, kind) if sensor in INSTRUMENTS else None
         if sensor == "velocity":  # positions stay
             return replace(
-                flight, fixes=tuple(_without_velocity(one, spans) for one in flight.fixes)
+                flight, fixes=tuple(_without_velocity(fixes, spans) for fixes in flight.fixes)
             )
         left = {name: one[~rows[name]] for name, one in records.items()}
         return flight.with_records({**flight.records, **left})

@@ -1,4 +1,4 @@
-"""What the record of an inertial unit adds to the noise of its sensors: values held, or rounded."""
+"""Recording errors of an IMU: held and rounded values."""
 
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -78,7 +78,7 @@ def between_fresh(imu: Imu, field: str, repeated: BoolArray) -> Imu:
 
 
 def is_repeated(x: FloatArray, *, causal: bool = False) -> BoolArray:
-    """Return which samples, (k,), repeat all axes at even intervals.
+    """Select samples, (k,), that repeat all axes at even intervals.
 
     Such a sensor is slower than its record and no later than what it repeats. Where most samples
     repeat the one before, and most runs are as long as the run before: of samples that repeat by

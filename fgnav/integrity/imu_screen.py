@@ -88,7 +88,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
 
 
 def _goes_on(t_s: FloatArray, is_left: BoolArray) -> bool:
-    """Return whether what is left is a record: in length, or of most of it, one sample a second."""
+    """Return True if enough is left: in length, or of most seconds one sample."""
     left_s, duration_s = t_s[is_left], float(np.ptp(t_s))
     if len(left_s) >= _FEWEST:
         return True
@@ -132,7 +132,7 @@ def stuck_unit(imu: Imu) -> tuple[int, int] | None:
 
 
 def stuck_samples(x: FloatArray) -> BoolArray:
-    """Return which samples, (k,), only repeat all axes of the one before, unlike chance."""
+    """Select samples, (k,), of improbable runs that repeat all axes."""
     stuck = np.zeros(len(x), dtype=np.bool_)
     run = stuck_run(x)
     while run is not None:
@@ -170,7 +170,7 @@ def longest_run(same: BoolArray) -> tuple[int, int]:
 
 
 def is_unlikely(length: int, share: float, n: int) -> bool:
-    """Return whether n samples of which a share repeat by chance hardly repeat so often in a row.
+    """Return True if a run of repeats is improbable among n samples with that share of repeats.
 
     A run of that length begins at one of n places with probability ``n share**length``.
     """

@@ -43,9 +43,6 @@ def kernel(function: Function) -> Function:
     return kernel_with()(function)
 
 
-inner_with, inner, inlined = kernel_with, kernel, kernel
-
-
 class _Announced(event.Listener):  # type: ignore[misc]  # numba is Any
     """Announces the compilation of one kernel; reading it from disk is none."""
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from fgnav import plugins
 from fgnav.gravity import GravityEstimator
+from fgnav.lazy import lazy
 from fgnav.types.estimate import Estimator
 from fgnav.types.integers import Resolver
 
@@ -27,10 +28,18 @@ SMOOTHERS = ("smoother", "forward", "batch")  # those that take all of ``Options
 WITH_GRAVITY = ("closed-form", "closed-form-weighted", *SMOOTHERS)  # and with factors
 WITH_LAG = ("smoother", "forward")
 
+__getattr__ = lazy(
+    __name__,
+    {
+        "maximum_likelihood": ("MaximumLikelihood",),
+        "stream": ("Measured", "Measurements", "StreamConfig"),
+    },
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What smoothers take beside a resolver; None and empty leave their own defaults.
+    """Options of smoothers; None and empty leave their defaults.
 
     Closed forms take gravity and factors.
 

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.truncation import truncated
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.messages import note
-from fgnav.noise.identify import Build, Hyperparameters, hyperparameters, with_exact_timestamps
+from fgnav.noise.identify import Hyperparameters, hyperparameters, with_exact_timestamps
 from fgnav.noise.report import noise_notes
 from fgnav.types.flight import Flight
 
@@ -33,7 +33,7 @@ class Stretch(NamedTuple):
     prepared: PreparedFlight
 
     def answers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (k,), it estimates: a corrected clock moves what is covered."""
+        """Select the times, (k,), that are estimated; a clock correction shifts the record."""
         covered_s = self.prepared.problem.t_s
         within = (t_s >= max(self.from_s, covered_s[0])) & (t_s < self.until_s)
         return np.asarray(within & (t_s <= covered_s[-1]))
@@ -41,7 +41,7 @@ class Stretch(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Identification:
-    """What the record up to a time has determined."""
+    """Hyperparameters identified from the record up to a time."""
 
     hyperparameters: Hyperparameters = field(default_factory=Hyperparameters)
     # Whether there is no minimum yet about which to identify anything: the heading stays open.
@@ -49,7 +49,7 @@ class Identification:
 
     @property
     def is_nominal(self) -> bool:
-        """Whether all is as stated."""
+        """True if all is nominal."""
         return self.hyperparameters.is_nominal and not self.is_open
 
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
@@ -138,7 +138,7 @@ def identification(
     build: Build,
     before: Identification,
 ) -> Identification:
-    """Return what a flight has determined up to a time, sought from what it had before."""
+    """Identify hyperparameters from the flight up to a time, starting at the previous ones."""
     past = with_exact_timestamps(truncated(flight, until_s))
     whole = replace(settings, causal=False)
     try:

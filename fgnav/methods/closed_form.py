@@ -152,7 +152,7 @@ class ClosedForm:
     def _epochs(
         self, flight: Flight, array: _Array | None, track: Track | None
     ) -> tuple[_Epochs, tuple[Unused, ...]]:
-        """Return what array and instruments see in both frames, and what they lack."""
+        """Collect the vectors of array and instruments in both frames, and unused measurements."""
         parts, times, unused = [], [], []
         if array is not None:
             differences, integers, baselines = array

@@ -54,7 +54,7 @@ class _Span:
 
 
 class ObservationStream:
-    """What ``Forward`` makes of a flight while it is flown.
+    """Estimate states from a stream of measurements, as ``Forward`` does from a flight.
 
     Each update brings what instruments measured since the one before, as a flight of its own: raw
     observations of one epoch or more, or fixes, and inertial samples up to the last of them. It
@@ -99,7 +99,7 @@ class ObservationStream:
 
     @property
     def kept(self) -> Flight | None:
-        """What is kept of the records for keyframes to come."""
+        """Records that later keyframes need."""
         return self._spans[-1].record.flight if self._spans else None
 
     def update(self, piece: Flight) -> Estimate:
@@ -214,7 +214,7 @@ class ObservationStream:
         return flight
 
     def _begun(self, prepared: PreparedFlight, look_s: float, at_s: float) -> Problem:
-        """Return what windows have of a problem at a time, the keyframes before in one.
+        """Advance the window to a time, and return the problem that it solves.
 
         The window begins again where its problem is another one.
         """

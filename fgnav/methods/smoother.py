@@ -38,9 +38,9 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 if TYPE_CHECKING:
+    from fgnav.assembly.prepared import Build
     from fgnav.graph.custom import NamedFactor
     from fgnav.methods.causal import Stretch
-    from fgnav.noise.identify import Build
 
 __all__ = ["Batch", "Forward", "Smoother"]
 
@@ -49,8 +49,9 @@ __all__ = ["Batch", "Forward", "Smoother"]
 class Smoother:
     """A sliding window over array phases, accelerometer, code, Doppler and line of sight.
 
-    Keyframes are the GNSS epochs. Each is taken as it leaves the window, known from the data up to
-    ``lag_s`` after it, and the second that the window is updated with.
+    Keyframes are the GNSS epochs, and times between them where intervals are long. Each is
+    estimated as it leaves the window, from data up to ``lag_s`` after it and to the end of the
+    second that the window is updated with.
 
     Attributes
     ----------
@@ -162,7 +163,7 @@ class Smoother:
 
     @property
     def preparation(self) -> ProblemSettings:
-        """What decides the smoothing problem: methods that agree in it may share one."""
+        """Settings of the smoothing problem: methods with equal ones may share it."""
         return ProblemSettings(
             resolver=self.resolver,
             gravity=self.gravity,
@@ -198,7 +199,7 @@ class Smoother:
         return prepared
 
     def _stretches(self, flight: Flight, prepared: PreparedFlight) -> "tuple[Stretch, ...]":
-        """Return what is estimated with hyperparameters of its own: by the past, if causal."""
+        """Divide the flight into intervals of the same hyperparameters."""
         from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
 
         if not (self.causal and self.noise == "estimated"):

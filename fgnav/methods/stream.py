@@ -215,7 +215,7 @@ class Stream:
         return tuple(one.factor for one in factors)
 
     def _custom_tests(self, problem: Problem, departed: "Departed") -> tuple[Consistency, ...]:
-        """Return how custom factors agree that leave with keyframes.
+        """Return the tests of custom factors that leave with keyframes.
 
         Those that reach back to keyframes which left before have nothing to be held against.
         """
@@ -254,7 +254,7 @@ class Stream:
         )
 
     def _lost(self) -> tuple[Unused, ...]:
-        """Return what sources have left out since keyframes left last."""
+        """Return the measurements unused by sources since the last call, and forget them."""
         lost = unused_of(self._unused)
         self._unused.clear()
         return lost

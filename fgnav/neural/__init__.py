@@ -2,31 +2,18 @@
 
 Owns the contract of a learned measurement (``manifest``), the bounded run of its file (``network``,
 ``onnx``), the windows of samples it sees (``windows``), what its outputs say of the states
-(``outputs``) or of an array's integers (``integers``), how outputs that err alike are counted
-(``correlation``) and how honest they are (``calibration``). Nothing is unpickled; torch is not
-needed.
+(``outputs``) or of an array's integers (``integers``), and how outputs that err alike are counted
+(``correlation``). Nothing is unpickled; torch is not needed.
 """
 
-from typing import Any
+from fgnav.lazy import lazy
 
-_HOMES = {
-    "calibration": "fgnav.neural.calibration",
-    "Covariance": "fgnav.neural.manifest",
-    "Input": "fgnav.neural.manifest",
-    "Manifest": "fgnav.neural.manifest",
-    "NeuralFactor": "fgnav.neural.factor",
-    "Output": "fgnav.neural.manifest",
-    "Record": "fgnav.neural.records",
-    "read_manifest": "fgnav.neural.manifest",
-    "save_manifest": "fgnav.neural.manifest",
-}
-
-
-def __getattr__(name: str) -> Any:  # noqa: ANN401
-    """Load a name when it is first used: a factor brings GTSAM."""
-    from importlib import import_module  # noqa: PLC0415
-
-    if name not in _HOMES:
-        msg = f"module 'fgnav.neural' has no attribute {name!r}"
-        raise AttributeError(msg)
-    return getattr(import_module(_HOMES[name]), name)
+__getattr__ = lazy(
+    __name__,
+    {
+        "factor": ("NeuralFactor",),
+        "manifest": ("Covariance", "Input", "Manifest", "Output", "read_manifest", "save_manifest"),
+        "outputs": ("factor_of",),
+        "records": ("Record",),
+    },
+)

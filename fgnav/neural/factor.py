@@ -124,7 +124,7 @@ class NeuralFactor:
     def refusal(self, flight: Flight) -> str | None:
         """Return why a flight cannot be asked: a record is missing, or comes at another rate."""
         try:
-            self._records({**of_flight(flight), **self._given}, flight.name)
+            self.records_of(flight)
         except BadInputError as error:
             return str(error)
         return None
@@ -162,20 +162,34 @@ class NeuralFactor:
         BadInputError
             As of a call.
         """
-        manifest = self._network.manifest
-        if manifest.output.measures != "direction":
+        if self._network.manifest.output.measures != "direction":
             return None
-        records = self._records({**of_flight(flight), **self._given}, flight.name) or []
-        seen = windows(manifest.inputs, records, t_s)
-        lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
-        inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
-        answers = self._network([x[inside] for x in seen.inputs])
+        inside, answers, unused = self.answers(flight, t_s)
         return GravityDirection(
             t_s=t_s[inside],
             g_b=answers.value.reshape(-1, 3),
             covariance=answers.covariance.reshape(-1, 3, 3),
-            unused=self._unused(lost),
+            unused=unused,
         )
+
+    def answers(
+        self, flight: Flight, t_s: FloatArray
+    ) -> tuple[IntArray, Answers, tuple[Unused, ...]]:
+        """Return which times, (n,), of a flight have an answer, (k,), these, and the losses.
+
+        Raises
+        ------
+        BadInputError
+            As of a call.
+        """
+        seen = windows(self._network.manifest.inputs, self.records_of(flight), t_s)
+        lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
+        inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
+        return inside, self._network([x[inside] for x in seen.inputs]), self._unused(lost)
+
+    def records_of(self, flight: Flight) -> list[Record]:
+        """Return what the network sees of a flight, by its inputs; errors as of a call."""
+        return self._records({**of_flight(flight), **self._given}, flight.name) or []
 
     def _check(self, sensor: str, record: Record) -> None:
         """Raise where a record given beside the flight is not what the network sees."""

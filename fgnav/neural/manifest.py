@@ -294,21 +294,42 @@ class Manifest(Table, frozen=True):
         return [(key, name) for key, name in named if name]
 
 
-def read_manifest(path: Path) -> Manifest:
-    """Return the manifest in a TOML file, or JSON where its name ends so.
+def read_manifest(path: Path | str) -> Manifest:
+    """Read a manifest from a TOML or JSON file.
+
+    Parameters
+    ----------
+    path : Path or str
+        JSON if the name ends in ``.json``.
+
+    Returns
+    -------
+    Manifest
 
     Raises
     ------
     BadInputError
         If the file cannot be read or breaks the contract: one line with file, key and mend.
     """
+    path = Path(path)
     return as_table(path, read_toml_or_json(path), Manifest)
 
 
-def save_manifest(manifest: Manifest, path: Path) -> None:
-    """Write a manifest as JSON, for people to read, too."""
+def save_manifest(manifest: Manifest, path: Path | str) -> None:
+    """Write a manifest as indented JSON.
+
+    Parameters
+    ----------
+    manifest : Manifest
+    path : Path or str
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    """
     text = msgspec.json.format(msgspec.json.encode(manifest), indent=2).decode() + "\n"
-    write_text(path, text)
+    write_text(Path(path), text)
 
 
 def _one_of(key: str, value: str, allowed: tuple[str, ...], why: str) -> None:

@@ -1,17 +1,18 @@
 """A network that measures, checked byte by byte before it runs, and what it says in SI."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.user_files import read_bytes
-from fgnav.neural.manifest import Input, Manifest, Output, read_manifest
+from fgnav.neural.manifest import Covariance, Input, Manifest, Output, read_manifest
 from fgnav.neural.onnx.scan import scan
 from fgnav.neural.onnx.session import Session
 
@@ -92,7 +93,8 @@ class Network:
         output, where = self.manifest.output, f"{self.path}: output"
         if not raw:
             none = tuple(np.zeros(0) for _ in self.manifest.domain)
-            return Answers(np.zeros((0, 1)), np.zeros((0, 1, 1)), none)
+            d, f = min(output.measure.widths), output.measure.freedom
+            return Answers(np.zeros((0, d)), np.zeros((0, f, f)), none)
         stated = 2 if output.covariance.name else 1
         return Answers(
             _value(where, output, raw[0]),
@@ -104,6 +106,13 @@ class Network:
     def names(self) -> list[str]:
         """Names of the graph's outputs: the answer's, its covariance's, the domain's figures."""
         return [name for _, name in self.manifest.outputs()]
+
+    def with_sigma(self, sigma: Sequence[float]) -> "Network":
+        """Return the same network with constant 1-sigmas, in SI, in place of its covariance."""
+        output = self.manifest.output
+        stated = Covariance(form="none", sigma=tuple(one / output.in_si for one in sigma))
+        output = msgspec.structs.replace(output, covariance=stated)
+        return replace(self, manifest=msgspec.structs.replace(self.manifest, output=output))
 
     def feed(self, inputs: Sequence[FloatArray]) -> dict[str, NDArray[np.float32]]:
         """Return what the graph is given of windows, by its inputs' names."""

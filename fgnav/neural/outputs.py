@@ -30,6 +30,9 @@ class Counted(NamedTuple):
     key: int = -1  # of the constant that lasts, (f,), in 1-sigmas; -1 where nothing does
 
 
+INDEPENDENT = Counted()
+
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Model:
     """A quantity's residual, (m,), of the variables of ``keys``."""
@@ -52,7 +55,7 @@ def factor_of(
     rows: tuple[int, int],
     value: FloatArray,
     covariance: FloatArray,
-    counted: Counted,
+    counted: Counted = INDEPENDENT,
 ) -> NamedFactor:
     """Return the factor of one output.
 
@@ -69,7 +72,12 @@ def factor_of(
     value : ndarray, shape (d,)
         In SI, as ``network.Answers``.
     covariance : ndarray, shape (f, f)
-    counted : Counted
+    counted : Counted, optional
+        Independent errors by default.
+
+    Returns
+    -------
+    NamedFactor
     """
     model = _MAKERS[output.measures](output, rows, value)
     across = np.eye(len(covariance)) if model.across is None else model.across

@@ -5,15 +5,18 @@ interval, to first order,
 
     r(o, r) = r(0) + dr/do (o + r (t - t_0))
 
-with the derivative by central differences of the same motion with moved timestamps. That is exact
-where the clock is right; so timestamps are moved by what is found, until nothing is left to move.
+with the derivative by central differences of the same motion with moved timestamps, about the
+states that a search has reached. That is exact where the clock is right; so timestamps are moved by
+what is found, until nothing is left to move.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, cast
 
+import numpy as np
+
 from fgnav.assembly.calibration_request import calibration_requests, of_time
-from fgnav.checks import IntArray
+from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.delayed import CLOCK_OFFSET
 from fgnav.graph.delayed_kernel import PPM
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -30,7 +33,7 @@ _STEP_S = 0.05
 
 
 class ClockCorrection(NamedTuple):
-    """What is added to timestamps of an inertial unit, mid-record, and how that grows."""
+    """Correction of an IMU's timestamps: offset at mid-record and rate."""
 
     offset_s: float = 0.0
     rate_ppm: float = 0.0
@@ -40,7 +43,7 @@ class ClockCorrection(NamedTuple):
         return any(self)
 
     def at(self, later_s: float) -> "ClockCorrection":
-        """Return the same with the offset of a time so much later."""
+        """Return the correction with its offset at a later time."""
         return ClockCorrection(self.offset_s + PPM * self.rate_ppm * later_s, self.rate_ppm)
 
     def applied(self, flight: Flight, middle_s: float) -> Flight:
@@ -65,27 +68,28 @@ class ClockedMotion(WrappedMotion):
     early: Motion
     late: Motion
     column: int  # of the offset among the constants; the rate follows
-    middle_s: float
+    since_s: FloatArray  # (n - 1,): of intervals, from the middle of the record
+    slope: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # of residuals
+
+    def about(self, states: States) -> "ClockedMotion":
+        """Return the same with the slope, (n - 1, D, 2), of whitened residuals at some states."""
+        intervals = np.arange(len(self.since_s))
+        before, after = states.at(intervals), states.at(intervals + 1)
+        early, late = (
+            one.linearise(before, after, intervals).value for one in (self.early, self.late)
+        )
+        offset = (late - early) / (2 * _STEP_S)
+        rate = offset * PPM * self.since_s[:, None]
+        return replace(self, slope=np.stack([offset, rate], axis=2))
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,)."""
-        linear, early, late = (
-            one.linearise(before, after, intervals) for one in (self.motion, self.early, self.late)
-        )
-        t_s = self.motion.t_s
-        since_s = (t_s[intervals] + t_s[intervals + 1]) / 2 - self.middle_s
-        offset, rate = before.constants[self.column : self.column + 2]
-        steps = ((offset + PPM * rate * since_s) / (2 * _STEP_S))[:, None, None]
-        slope = (late.value - early.value) / (2 * _STEP_S)
-        shared = linear.shared + steps * (late.shared - early.shared)
-        shared[:, :, self.column] += slope
-        shared[:, :, self.column + 1] += slope * PPM * since_s[:, None]
-        return LinearisedMotion(
-            value=linear.value + steps[:, 0] * (late.value - early.value),
-            before=linear.before + steps * (late.before - early.before),
-            after=linear.after + steps * (late.after - early.after),
-            shared=shared,
-        )
+        linear, slope = self.motion.linearise(before, after, intervals), self.slope[intervals]
+        columns = slice(self.column, self.column + 2)
+        shared = linear.shared.copy()
+        shared[:, :, columns] += slope
+        value = linear.value + slope @ before.constants[columns]
+        return linear._replace(value=value, shared=shared)
 
 
 def with_clock(problem: Problem) -> Problem:
@@ -101,5 +105,6 @@ def with_clock(problem: Problem) -> Problem:
     early, late = (
         replace(motion, imu=replace(imu, t_s=imu.t_s + by_s)) for by_s in (-_STEP_S, _STEP_S)
     )
-    clocked = ClockedMotion(motion, early, late, column, middle_of_record_s(imu))
+    since_s = (motion.t_s[:-1] + motion.t_s[1:]) / 2 - middle_of_record_s(imu)
+    clocked = ClockedMotion(motion, early, late, column, since_s).about(problem.start)
     return replace(problem.with_constants(of_time(request)), motion=cast("Motion", clocked))

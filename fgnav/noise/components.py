@@ -28,6 +28,8 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import States
+from fgnav.noise.clock import ClockedMotion
 from fgnav.noise.rescaled import RescaledMotion, RescaledSensor
 
 if TYPE_CHECKING:
@@ -55,7 +57,7 @@ class Score(NamedTuple):
 
 
 class Standstill(NamedTuple):
-    """Where a decimated problem stands still."""
+    """Keyframes of a decimated problem at standstill."""
 
     keyframes: BoolArray  # (n,)
     share: FloatArray  # (n - 1,), of each interval
@@ -108,6 +110,13 @@ class NoiseComponents:
                     found.append(_SensorNoise(name, i, np.flatnonzero(rows)))
         names = (*motion, *dict.fromkeys(one.name for one in found))
         return cls(problem, names, motion, tuple(found), standstill)
+
+    def about(self, states: States) -> "NoiseComponents":
+        """Return the same with the clock's derivatives at some states, if the clock is free."""
+        motion = self.problem.motion
+        if not isinstance(motion, ClockedMotion):
+            return self
+        return replace(self, problem=replace(self.problem, motion=motion.about(states)))
 
     def problem_at(self, theta: FloatArray) -> Problem:
         """Return the problem with standard deviations multiplied by ``exp(theta)``, (c,)."""
@@ -203,7 +212,7 @@ class NoiseComponents:
             yield np.arange(of.start, of.stop), *shares, variance
 
     def _shares(self, of: slice) -> tuple[FloatArray, FloatArray]:
-        """Return what components are of the rows' covariance, (k, c, D, D), and the rest of it."""
+        """Compute the components of the rows' covariance, (k, c, D, D), and the remainder."""
         names, parts, fixed = self.problem.motion.noise_parts(of)
         if self._standstill is None:
             return parts, fixed

@@ -2,7 +2,7 @@
 
 With a gyroscope keyframes are a second apart, and the motion between them is summed up, so that
 nothing of it is lost. Without one no keyframe can be left out: a run of them from the middle of the
-flight stands for all. Phases of arcs join all keyframes, so such a problem is used whole.
+flight stands for all. Arcs of phases begin and end with these keyframes.
 """
 
 from dataclasses import dataclass, replace
@@ -10,6 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from fgnav.assembly.position.numbered_arcs import Observed
+from fgnav.assembly.position.phases import antenna_phase
+from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
@@ -49,42 +52,51 @@ class Subset(WrappedSensor):
         """Degrees of freedom of each measurement, (k,)."""
         return self.measurement.freedom[self.indices]
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,); see ``Sensor``."""
-        return self.measurement.linearise(at, self.indices[which])
+        return self.measurement.linearise(at, self.indices[indices])
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401  # GTSAM's
         """Return measurement i as a factor of keyframe ``key``."""
         return self.measurement.factor(int(self.indices[i]), key)
 
     def on(self, row: IntArray) -> "Subset":
-        """Return the same measurements at other keyframes, (k,)."""
+        """Move the measurements to other keyframes, (k,)."""
         return replace(self, keyframes=row)
 
 
-def decimated(problem: Problem) -> tuple[Problem, IntArray]:
+def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     """Return a problem of fewer keyframes, and which they are, (k,).
 
     Constraints of vehicles are left out: slip of wheels has no noise that is to be identified.
     """
-    every = np.arange(len(problem.t_s))
+    problem = prepared.problem
     sensors = tuple(one for one in problem.sensors if one.name not in _VEHICLE)
-    if problem.phase is not None:
-        return replace(problem, sensors=sensors), every
     keyframes = _keyframes(problem, sensors)
+    start = problem.start.at(keyframes)
+    t_s = problem.t_s[keyframes]
+    observed = tuple(_at(one, keyframes) for one in prepared.observed)
     return (
         Problem(
-            t_s=problem.t_s[keyframes],
-            start=problem.start.at(keyframes),
+            t_s=t_s,
+            start=start,
             motion=_motion_between(problem.motion, keyframes),
             sensors=tuple(
                 Subset.at(one, keyframes) for one in sensors if np.isin(one.row, keyframes).any()
             ),
             constants=problem.constants,
             attitude_known=problem.attitude_known[keyframes],
+            phase=antenna_phase(observed, t_s, start.R_nb, problem.constants).phase,
         ),
         keyframes,
     )
+
+
+def _at(observed: Observed, keyframes: IntArray) -> Observed:
+    """Return the observations of some keyframes, numbered by these."""
+    kept = np.isin(observed.row, keyframes)
+    row = np.searchsorted(keyframes, observed.row[kept])
+    return observed._replace(row=row, epoch=observed.epoch[kept])
 
 
 def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:
@@ -92,7 +104,8 @@ def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:
     if not isinstance(problem.motion, Inertial):
         first = max(0, (n - _KEYFRAMES) // 2)
         return np.arange(first, min(n, first + _KEYFRAMES))
-    measured = np.unique(np.concatenate([one.row for one in sensors]))
+    rows = [one.row for one in (*sensors, problem.phase) if one is not None]
+    measured = np.unique(np.concatenate(rows))
     t_s = problem.t_s[measured]
     step_s = min(_INTERVAL_S, (t_s[-1] - t_s[0]) / _KEYFRAMES)
     slot = np.floor((t_s - t_s[0]) / max(step_s, 1e-9) + 1e-6)

@@ -1,8 +1,8 @@
-"""Noise, clock, latency and lever arm of a flight, result from the flight itself.
+"""Estimate noise, clock, latency and lever arm of a flight from the flight itself.
 
 One marginal likelihood serves flights with and without phases. Its hyperparameters are the noises
 of ``components`` and the errors of satellites; clock, latency and lever arm are constants of the
-same problem. Timestamps are moved by the clock that is result until nothing is left to move.
+same problem. Timestamps are moved by the estimated clock until the estimate no longer changes.
 
 References
 ----------
@@ -10,14 +10,15 @@ Groves: Principles of GNSS, Inertial, and Multisensor Integrated Navigation Syst
 2013, sections 14.3 and 17.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fgnav.assembly.calibration_request import CalibrationRequest, calibration_requests
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.settings import ProblemSettings
+from fgnav.checks import FloatArray
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.types.problem import Problem
@@ -37,16 +38,15 @@ from fgnav.noise.satellite_errors import satellite_error_factors, with_errors
 from fgnav.process.hyperparameters import IntervalPriors
 from fgnav.types.flight import Flight
 
-Build = Callable[[Flight, ProblemSettings], PreparedFlight]
-
 _PASSES = 6  # of moved timestamps: each leaves a third or less of what is left
+_STEEPEST = 2.0  # times a step: more is noise of the secant
 _SETTLED_SIGMAS = 0.3
 _UNCHANGED = 0.03  # of the logarithm of a standard deviation
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Hyperparameters:
-    """What a flight has determined of its own noise and times."""
+    """Noise and time parameters estimated from a flight."""
 
     # On nominal standard deviations, by component; those that are as stated are left out.
     factors: Mapping[str, float] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Hyperparameters:
 
     @property
     def is_nominal(self) -> bool:
-        """Whether noise and times are as the flight states them."""
+        """True if noise and times are nominal."""
         return not (self.factors or self.satellites or self.clock or self.significant)
 
     @property
@@ -104,7 +104,7 @@ class Hyperparameters:
 def identified(
     flight: Flight, settings: ProblemSettings, build: Build
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines of its noise and times, and its problem with these.
+    """Estimate noise, clock and latency of a flight, and build its problem with them.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def hyperparameters(
     prepared: PreparedFlight | None = None,
     begin: Hyperparameters | None = None,
 ) -> tuple[Hyperparameters, PreparedFlight]:
-    """Return what a flight determines, and its last problem, with the nominal noise.
+    """Estimate the hyperparameters of a flight, and return its last problem with nominal noise.
 
     Parameters
     ----------
@@ -178,9 +178,10 @@ def hyperparameters(
     """
     middle_s = 0.0 if flight.imu is None else middle_of_record_s(flight.imu)
     result = begin or Hyperparameters()
-    clock, theta = result.clock.at(middle_s - result.middle_s), result.theta
+    clock = result.clock.at(middle_s - result.middle_s)
     if prepared is None or clock:
         prepared = build(clock.applied(flight, middle_s), settings)
+    last: tuple[FloatArray, FloatArray] | None = None
     for _ in range(_PASSES):
         if not _shows_noise(prepared):
             return Hyperparameters(), prepared
@@ -189,7 +190,8 @@ def hyperparameters(
         satellites: Mapping[str, float] = {}
         if phase is not None and flight.base is None:
             satellites = satellite_error_factors(phase)
-        posterior = _posterior(at, settings, with_satellite_errors(prepared, satellites), theta)
+        theta, is_first = result.theta, last is None
+        posterior = _posterior(at, settings, prepared, satellites, theta, is_first=is_first)
         now = calibrated(posterior.problem.constants, posterior.solution)
         first = {one.kind: one for one in result.calibrated}
         result = replace(
@@ -202,16 +204,30 @@ def hyperparameters(
                 for one in now
             ),
         )
-        theta = result.theta
         step = next((one for one in now if one.kind == CLOCK), None)
         is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
         if step is None or not (clock or is_off):
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
-        clock = ClockCorrection._make(np.add(clock, step.value).tolist())
+        last = step.value, _by_secant(step.value, last)
+        clock = ClockCorrection._make(np.add(clock, last[1]).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
     return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
+
+
+def _by_secant(step: FloatArray, last: tuple[FloatArray, FloatArray] | None) -> FloatArray:
+    """Return by how much to move timestamps where the data ask for ``step``.
+
+    ``last`` are the step asked for before and the move that was made: of the step remains what
+    averaging over the derivative's step has left.
+    """
+    if last is None:
+        return step
+    before, move = last
+    taken = before - step
+    factor = np.divide(move, taken, out=np.ones_like(step), where=taken != 0.0)
+    return np.asarray(step * factor.clip(1 / _STEEPEST, _STEEPEST))
 
 
 def _shows_noise(prepared: PreparedFlight) -> bool:
@@ -238,10 +254,15 @@ def _posterior(
     flight: Flight,
     settings: ProblemSettings,
     prepared: PreparedFlight,
+    satellites: Mapping[str, float],
     begin: Mapping[str, float],
+    *,
+    is_first: bool,
 ) -> NoisePosterior:
     """Return the most probable noise of a problem; the search begins at theta by component."""
-    problem, keyframes = decimated(prepared.problem)
+    problem, keyframes = decimated(prepared)
+    if problem.phase is not None and satellites:
+        problem = replace(problem, phase=with_errors(problem.phase, satellites))
     requested = [one.kind for one in settings.calibration]
     fixes = flight.fixes if flight.observations is None else ()
     has_velocities = any(one.v_n_mps is not None for one in fixes)
@@ -258,7 +279,7 @@ def _posterior(
     names = [name.removesuffix(AT_REST) for name in components.names]
     prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))
     theta = np.array([begin.get(name, 0.0) for name in components.names])
-    return noise_posterior(components, prior, theta)
+    return noise_posterior(components, prior, theta, several=is_first)
 
 
 def _hyperparameters(posterior: NoisePosterior) -> Hyperparameters:

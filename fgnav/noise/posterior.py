@@ -35,7 +35,7 @@ _MISFIT = 4.0  # of the cost to the number of measurements
 
 
 class Prior(NamedTuple):
-    """Of theta: its scale about zero, and where it is bounded below, (c,) each."""
+    """Prior of theta: scale about zero, and lower bounds, (c,) each."""
 
     sigma: FloatArray
     least: FloatArray
@@ -81,7 +81,9 @@ class NoisePosterior(NamedTuple):
         return self.minimum.log_evidence + prior.log_density(self.theta)
 
 
-def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
+def noise_posterior(
+    components: NoiseComponents, prior: Prior, begin: FloatArray, *, several: bool = True
+) -> NoisePosterior:
     """Return the most probable noise.
 
     Parameters
@@ -90,6 +92,8 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     prior : Prior
     begin : ndarray, shape (c,)
         Theta at which the search begins.
+    several : bool
+        Whether another maximum may be higher than the one next to where the search begins.
 
     Raises
     ------
@@ -99,7 +103,7 @@ def noise_posterior(components: NoiseComponents, prior: Prior, begin: FloatArray
     first = _climbed(components, prior, np.maximum(begin, prior.least))
     names = np.array(components.names)
     walks = np.char.endswith(names, "bias")
-    if not (first.theta[walks] > STATED).any():
+    if not several or not (first.theta[walks] > STATED).any():
         return first
     # A random walk of a bias that explains residuals may stand for white noise: a maximum beside.
     other = np.where(walks, prior.least.clip(0.0), first.theta)
@@ -118,6 +122,7 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
     damping: FloatArray = np.ones(len(theta))
     last: FloatArray = np.zeros(len(theta))
     for iteration in range(_ITERATIONS):
+        components = components.about(states)
         problem = components.problem_at(theta)
         minimum = gauss_newton(problem, begin=states, most=_DESCENT)
         solution = minimum.solution

@@ -1,4 +1,4 @@
-"""What a flight has determined of its noise and times, as messages."""
+"""Messages on the estimated noise and time parameters of a flight."""
 
 from collections.abc import Mapping
 
@@ -66,7 +66,7 @@ def noise_notes(flight: Flight, result: Hyperparameters) -> tuple[str, ...]:
 
 
 def implausible(flight: Flight, result: Hyperparameters) -> dict[str, float]:
-    """Return what is estimated over the largest plausible value, where above 1: a likely fault.
+    """Return ratios of noise to its largest plausible value, where above 1.
 
     Three sigmas are the largest: over the record a bias walks by no more of what is stated of it, a
     lever arm is measured to a tape's sigma, and a latency is within what is known before the flight

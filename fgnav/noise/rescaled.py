@@ -21,7 +21,7 @@ class WrappedMotion:
     motion: Motion
 
     def __getattr__(self, name: str) -> Any:  # noqa: ANN401  # the wrapped motion's
-        """Return what the wrapped motion has."""
+        """Return an attribute of the wrapped motion."""
         return getattr(self.motion, name)
 
     def log_white(self, intervals: IntArray) -> float:
@@ -55,15 +55,15 @@ class RescaledSensor(WrappedSensor):
 
     factors: FloatArray
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,); see ``Sensor``."""
-        value, state, shared = self.measurement.linearise(at, which)
-        f = self.factors[which]
+        value, state, shared = self.measurement.linearise(at, indices)
+        f = self.factors[indices]
         return Linearised(value / f[:, None], state / f[:, None, None], shared / f[:, None, None])
 
-    def log_white(self, which: IntArray) -> float:
+    def log_white(self, indices: IntArray) -> float:
         """Return the log determinants of the whitening of some, summed."""
-        return -float(self.freedom[which] @ np.log(self.factors[which]))
+        return -float(self.freedom[indices] @ np.log(self.factors[indices]))
 
     def factor(self, i: int, key: int) -> Any:  # noqa: ANN401, ARG002  # GTSAM's
         """Raise TypeError: noise is identified by linear factors alone."""

@@ -203,7 +203,7 @@ def _next_block(
     rows: tuple[FloatArray, FloatArray, FloatArray],
     weight: FloatArray,
 ) -> tuple[bool, FloatArray]:
-    """Return whether a block's A is known, and the information of A and the next, A eliminated.
+    """Return True if a block's A is known, and the information of A and the next, A eliminated.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _eliminate(joint: FloatArray, size: int) -> bool:
 
 
 def _kinds(block: ArcBlock) -> IntArray:
-    """Return which of the errors each row of a block is of, (q,); their number: of none."""
+    """Find the error that each row of a block belongs to, (q,); their number: none."""
     size, s = block.size, block.satellites
     kinds = np.full(len(block.right), len(ERRORS))
     kinds[size:] = ERRORS.index(CODE)

@@ -1,1 +1,5 @@
-"""How a body turns when nobody measures its rate: the Matern prior and its evidence."""
+"""Process of the body rate without a gyroscope: the Matern prior and its evidence."""
+
+from fgnav.lazy import lazy
+
+__getattr__ = lazy(__name__, {"hyperparameters": ("RatePrior",)})

@@ -33,7 +33,7 @@ class AttitudeSeries:
 
     @property
     def record_s(self) -> float:
-        """How long it takes, gaps included."""
+        """Duration, gaps included."""
         return float(self.epochs.t_s[-1] - self.epochs.t_s[0])
 
     def log_densities(
@@ -59,7 +59,7 @@ class AttitudeSeries:
         )
 
     def turn_deviations(self) -> tuple[FloatArray, FloatArray]:
-        """Return how far turns are off their median, rad/s: usually, (3,), and overall, (3,).
+        """Compute deviations of rates from their median, rad/s: typical and overall, (3,).
 
         The former is a standard deviation unless attitudes are wrong or motion comes in bursts.
         """
@@ -72,7 +72,7 @@ class AttitudeSeries:
 def attitude_series(
     t_s: FloatArray, R_nb: FloatArray, covariance_rad2: FloatArray, rows: IntArray, past: int
 ) -> AttitudeSeries:
-    """Return some rows, (m,), of n attitudes.
+    """Build the series of rows, (m,), of n attitudes.
 
     The spacing beyond which turns cannot be counted, and the mean rate about which the filter is
     linearised, are those of the first ``past`` attitudes: those after do not change them.
@@ -95,7 +95,7 @@ def attitude_series(
 
 
 def spread(n: int) -> IntArray:
-    """Return which of n attitudes to look at: all, or blocks of them."""
+    """Select all of n attitudes, or evenly spread blocks of them."""
     if n <= MOST:
         return np.arange(n)
     starts = np.linspace(0, n - _BLOCK, MOST // _BLOCK).astype(np.int64)

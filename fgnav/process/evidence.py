@@ -192,7 +192,7 @@ def _alternatives(prior: RatePrior) -> list[tuple[FloatArray, FloatArray]]:
 def _best_of(
     alternatives: list[tuple[FloatArray, FloatArray]], attitudes: AttitudeSeries
 ) -> IntArray:
-    """Return which prior has the greatest score by each of n attitudes and those before, (n,)."""
+    """Find the prior with the greatest score up to each of n attitudes, (n,)."""
     scores = np.stack([attitudes.log_densities(*prior) for prior in alternatives], axis=1)
     for k in range(1, len(scores)):
         scores[k] += _FORGETTING * scores[k - 1]
@@ -201,7 +201,9 @@ def _best_of(
 
 def _starts(attitudes: AttitudeSeries, spacing_s: float) -> list[FloatArray]:
     """Return candidates of Matern 5/2, (12,) each, where the search may start."""
-    usual, overall = (one.clip(10 * LEAST_RADPS) for one in attitudes.turn_deviations())
+    usual, overall = (
+        turn_deviation.clip(10 * LEAST_RADPS) for turn_deviation in attitudes.turn_deviations()
+    )
     large = np.maximum(usual, DEFAULT_SIGMA_RADPS)
     return [
         np.concatenate([np.full(3, np.log(n * spacing_s)), np.zeros(6), np.log(sigma)])
@@ -219,7 +221,9 @@ def _swung(
     """Return a start that swings about each axis about which one is likelier, (12,)."""
     span_s = attitudes.epochs.t_s[-1] - attitudes.epochs.t_s[0]
     slowest, fastest = 2 * np.pi / span_s, np.pi / np.median(np.diff(attitudes.epochs.t_s))
-    usual, overall = (np.log(one.clip(LEAST_RADPS)) for one in attitudes.turn_deviations())
+    usual, overall = (
+        np.log(turn_deviation.clip(LEAST_RADPS)) for turn_deviation in attitudes.turn_deviations()
+    )
     best = start
     for axis in range(3):
         candidates = [best]

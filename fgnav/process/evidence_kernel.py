@@ -9,7 +9,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotation_kernel import exp, product, put, scaled, turn
-from fgnav.kernels.compiled import inlined, inner, kernel_with
+from fgnav.kernels.compiled import kernel, kernel_with
 from fgnav.process import matern_kernel as matern
 from fgnav.process.filter_kernel import (
     MEAN,
@@ -161,7 +161,7 @@ def log_densities(
     return out
 
 
-@inner
+@kernel
 def _start_rates(x: FloatArray, rate: FloatArray) -> None:
     """Set rate and mean rate, derivatives zero, in x, (4, 3)."""
     for i in range(3):
@@ -169,7 +169,7 @@ def _start_rates(x: FloatArray, rate: FloatArray) -> None:
         x[1, i] = x[2, i] = 0.0
 
 
-@inner
+@kernel
 def _start(poles_per_s: FloatArray, variance: FloatArray, sigma: float) -> FloatArray:
     """Return the covariance of rate, derivatives and mean before the first attitude, (15, 16)."""
     P = np.zeros((SIZE, WIDTH))
@@ -184,7 +184,7 @@ def _start(poles_per_s: FloatArray, variance: FloatArray, sigma: float) -> Float
     return P
 
 
-@inner
+@kernel
 def _restart(P: FloatArray, V: FloatArray) -> None:
     """Make the rotation as well known as an attitude is, whatever was before."""
     for i in range(3):
@@ -192,7 +192,7 @@ def _restart(P: FloatArray, V: FloatArray) -> None:
             P[i, j] = P[j, i] = V[i, j] if j < 3 else 0.0
 
 
-@inlined
+@kernel
 def _updated(
     P: FloatArray, x: FloatArray, R: FloatArray, z: FloatArray, V: FloatArray, k: int, tape: Tape
 ) -> tuple[float, float, FloatArray]:

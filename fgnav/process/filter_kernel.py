@@ -16,13 +16,13 @@ from fgnav.geometry.rotation_kernel import (
     scaled,
     turn,
 )
-from fgnav.kernels.compiled import inlined, kernel_with
+from fgnav.kernels.compiled import kernel, kernel_with
 
 SIZE, MEAN = 15, 12  # of the error state; where m stands in it
 WIDTH = 16  # of rows: the last is zero, and they are added four numbers at a time
 
 
-@inlined
+@kernel
 def rotation_rows(
     x: FloatArray, F: FloatArray, H: FloatArray, T_s: float, C: FloatArray, N: FloatArray
 ) -> FloatArray:
@@ -55,7 +55,7 @@ def rotation_rows(
     return phi
 
 
-@inlined
+@kernel
 def move(x: FloatArray, F: FloatArray) -> None:
     """Move rate and derivatives, rows 0 to 2 of x, on about the mean, row 3."""
     for i in range(3):
@@ -65,7 +65,7 @@ def move(x: FloatArray, F: FloatArray) -> None:
         x[0, i] += x[3, i]
 
 
-@inlined
+@kernel
 def turn_on(R: FloatArray, C: FloatArray) -> FloatArray:
     """Return a rotation after the turn whose transpose the first columns of C are, (3, 3)."""
     out = np.empty((3, 3))
@@ -87,7 +87,7 @@ def by_rows(P: FloatArray, C: FloatArray, out: FloatArray) -> None:
         out[0, i], out[1, i], out[2, i] = x, y, z
 
 
-@inlined
+@kernel
 def predict(
     P: FloatArray,
     C: FloatArray,
@@ -122,7 +122,7 @@ def predict(
             P[j, i] = P[i, j]
 
 
-@inlined
+@kernel
 def _move_rows(P: FloatArray, F: FloatArray, out: FloatArray) -> None:
     """Write the rows of rates, derivatives and mean of the transition times P."""
     for i in range(3):
@@ -136,7 +136,7 @@ def _move_rows(P: FloatArray, F: FloatArray, out: FloatArray) -> None:
             out[MEAN + i, q] = P[MEAN + i, q]
 
 
-@inlined
+@kernel
 def _add_noise(P: FloatArray, N: FloatArray, Q: FloatArray, variance: FloatArray) -> None:
     """Add the noise of an interval to the lower half of the covariance after it."""
     for axis in range(3):
@@ -154,7 +154,7 @@ def _add_noise(P: FloatArray, N: FloatArray, Q: FloatArray, variance: FloatArray
                 P[3 + 3 * d + axis, 3 + 3 * e + axis] += s2 * Q[axis, 1 + d, 1 + e]
 
 
-@inlined
+@kernel
 def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> FloatArray:
     """Return the rotation vector from a prediction to an attitude, (3,).
 
@@ -173,7 +173,7 @@ def difference(R: FloatArray, R_measured: FloatArray, axis: FloatArray) -> Float
     return z
 
 
-@inlined
+@kernel
 def gain(
     P: FloatArray, z: FloatArray, V: FloatArray
 ) -> tuple[FloatArray, FloatArray, float, float]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import product, put, transposed
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 DERIVATIVE_SCALE_S = 0.1  # T0: that of the states' tangent, makes rate and derivatives alike
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
@@ -149,7 +149,7 @@ def of_axes(
 
 @kernel
 def like(T_s: float, poles_per_s: FloatArray, spans_s: FloatArray, poles: FloatArray) -> int:
-    """Return which of some intervals, (r,) with poles (r, 3, 3), another one is like, or -1."""
+    """Find an interval, of r with poles (r, 3, 3), that equals another one, or -1."""
     for i in range(len(spans_s)):
         alike = abs(spans_s[i] - T_s) <= SAME_S
         for axis in range(3):
@@ -184,9 +184,9 @@ def _response(t_s: float, poles_per_s: FloatArray) -> tuple[float, float, float,
     return h, h1, h2, (1 - h2 - c2 * h1 - c1 * h) / c0
 
 
-@inner
+@kernel
 def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, float, float]:
-    """Return the same by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
+    """Compute the transition by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
     before, last, now = 0.0, 0.0, 1.0  # derivatives n - 2, n - 1 and n at zero, from n = 2
     p2, p1, p, p_1 = 1.0, t_s, t_s**2 / 2, t_s**3 / 6  # t^m / m! of m = n - 2 to n + 1
     h, h1, h2, turned = 0.0, 0.0, 0.0, 0.0
@@ -197,7 +197,7 @@ def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, 
     return h, h1, h2, turned
 
 
-@inlined
+@kernel
 def _orthogonalise(A: FloatArray, L: FloatArray) -> None:
     """Write L, lower, with ``L L' = A' A``; modified Gram-Schmidt, which spoils A."""
     m, n = A.shape

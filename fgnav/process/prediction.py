@@ -1,4 +1,4 @@
-"""How a body turns by attitudes and its rate's prior, by those up to each time or by all."""
+"""Predict, filter and smooth rates from attitudes and the rate's prior."""
 
 from typing import NamedTuple
 
@@ -75,7 +75,7 @@ def filtered_back(
     valid: BoolArray,
     prior: tuple[FloatArray, FloatArray],
 ) -> Turning:
-    """Return the same given the attitudes from each time on: backwards the process runs alike."""
+    """Filter the attitudes backwards in time, in which the process has the same law."""
     poles, variance = prior
     back = filtered(
         -t_s[::-1],

@@ -28,7 +28,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import put
-from fgnav.kernels.compiled import inlined, inner, inner_with, kernel_with
+from fgnav.kernels.compiled import kernel, kernel_with
 from fgnav.process import matern_kernel as matern
 from fgnav.process.evidence_kernel import RESTART, RESTART_ALL, UPDATE, Tape
 from fgnav.process.filter_kernel import MEAN, SIZE, WIDTH, by_rows
@@ -103,7 +103,7 @@ def score(
     return out, freedom, by_poles
 
 
-@inlined
+@kernel
 def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
     """Set what a restart makes anew, the first of the state, to zero."""
     for i in range(count):
@@ -112,7 +112,7 @@ def _forget(rho: FloatArray, N: FloatArray, count: int) -> None:
             N[i, j] = N[j, i] = 0.0
 
 
-@inlined
+@kernel
 def _lead_back(
     C: FloatArray, F: FloatArray, rho: FloatArray, N: FloatArray, half: FloatArray
 ) -> None:
@@ -136,7 +136,7 @@ def _lead_back(
             N[i, j] = N[j, i] = half[i, j]
 
 
-@inner_with(fastmath={"reassoc", "contract"})
+@kernel_with(fastmath={"reassoc", "contract"})
 def _transposed_times(C: FloatArray, F: FloatArray, M: FloatArray, out: FloatArray) -> None:
     """Write ``T' M``, (15, 16): a rotation's row is dense, an axis' rates follow from its own."""
     n = M.shape[1]
@@ -157,7 +157,7 @@ def _transposed_times(C: FloatArray, F: FloatArray, M: FloatArray, out: FloatArr
                 out[row, q] = value + f0 * M[3 + i, q] + f1 * M[6 + i, q] + f2 * M[9 + i, q]
 
 
-@inlined
+@kernel
 def _keep(share: float, gain: FloatArray, rho: FloatArray, N: FloatArray) -> None:
     """Make them ``(I - K H)' rho`` and ``(I - K H)' N (I - K H)``: H takes the first three."""
     NK, step, square = np.zeros((3, WIDTH)), np.empty(3), np.empty((3, 3))
@@ -182,7 +182,7 @@ def _keep(share: float, gain: FloatArray, rho: FloatArray, N: FloatArray) -> Non
             N[i, j] += square[i, j]
 
 
-@inlined
+@kernel
 def _add_innovation(
     share: float, W: FloatArray, innovation: FloatArray, rho: FloatArray, N: FloatArray
 ) -> None:
@@ -193,7 +193,7 @@ def _add_innovation(
             N[i, j] += share * W[i, j]
 
 
-@inner_with(fastmath={"reassoc", "contract"})
+@kernel_with(fastmath={"reassoc", "contract"})
 def _pull(
     noise: FloatArray, axis: int, rho: FloatArray, N: FloatArray, by: FloatArray, out: FloatArray
 ) -> None:
@@ -214,7 +214,7 @@ def _pull(
         out[2, q], out[3, q] = z * rho[q] - N[a, q], v * rho[q] - N[j, q]
 
 
-@inlined
+@kernel
 def _set_among(noise: FloatArray, axis: int, pulled: FloatArray, out: FloatArray) -> None:
     """Write ``G' (rho rho' - N) G``, (4, 4)."""
     for b in range(4):
@@ -225,7 +225,7 @@ def _set_among(noise: FloatArray, axis: int, pulled: FloatArray, out: FloatArray
             out[b, 1] += pulled[b, i] * noise[i, 3 + axis]
 
 
-@inlined
+@kernel
 def _by_noise(by: FloatArray, among: FloatArray, Q: FloatArray) -> tuple[float, float]:
     """Return the score by log scale and ``trace(N G Q G')`` of one axis, for unit variance."""
     chance, difference = 0.0, 0.0
@@ -236,7 +236,7 @@ def _by_noise(by: FloatArray, among: FloatArray, Q: FloatArray) -> tuple[float, 
     return difference, chance - difference
 
 
-@inlined
+@kernel
 def _set_by_motion(
     by: FloatArray, pulled: FloatArray, moved: FloatArray, x: FloatArray, axis: int, out: FloatArray
 ) -> None:
@@ -252,7 +252,7 @@ def _set_by_motion(
         out[a, 0], out[a, 1], out[a, 2] = w, first, second
 
 
-@inner
+@kernel
 def _inner(a: FloatArray, b: FloatArray) -> float:
     """Return the sum of products of two matrices' entries."""
     total = 0.0
@@ -262,7 +262,7 @@ def _inner(a: FloatArray, b: FloatArray) -> float:
     return total
 
 
-@inner
+@kernel
 def _stepped(poles_per_s: FloatArray, pole: int) -> tuple[float, float]:
     """Return a step of k, z or w^2 of one axis, and k, z or w after it."""
     value = poles_per_s[pole]
@@ -272,7 +272,7 @@ def _stepped(poles_per_s: FloatArray, pole: int) -> tuple[float, float]:
     return step, np.sqrt(value**2 + step)
 
 
-@inlined
+@kernel
 def _differences(
     T_s: float,
     poles_per_s: FloatArray,
@@ -300,7 +300,7 @@ def _differences(
                     dQ[axis, pole, i, j] = (Q1[axis, i, j] - Q[axis, i, j]) / step
 
 
-@inner
+@kernel
 def _add_start(
     rho: FloatArray,
     N: FloatArray,

@@ -105,7 +105,7 @@ def varying_rate_prior(
         scales, np.log(attitudes.turn_deviations()[1].clip(LEAST_RADPS))
     )
     # From long memories and from short ones: each may lead to a lesser maximum.
-    starts = (search.climbed(search.point(one, _bounded(above))) for one in _starts(x, swings))
+    starts = (search.climbed(search.point(start, _bounded(above))) for start in _starts(x, swings))
     begun = search.with_shapes(max(starts, key=lambda one: one.value))
     best = search.with_walk(search.maximum_from(begun))
     gained = search.evidence(best) - still
@@ -130,7 +130,7 @@ def _starts(x: FloatArray, swings: bool) -> list[FloatArray]:
 
 
 class _Point(NamedTuple):
-    """Where a search stands: hyperparameters (12,), log scales (blocks, 3), and what is there.
+    """Point of a search: hyperparameters (12,), log scales (blocks, 3), and its score.
 
     The standard deviations of the former are the scales' mean. Slope and freedom are the score of
     scales by the attitudes alone, and what these tell of them.

@@ -80,7 +80,7 @@ class CustomFactors:
 
 
 def entering_stream(one: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
-    """Return whether a factor enters with the newest keyframe, which it touches then.
+    """Return True if a factor enters with the newest keyframe, which it touches then.
 
     Raises
     ------

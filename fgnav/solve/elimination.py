@@ -71,7 +71,7 @@ class Elimination:
         self._root: gtsam.GaussianConditional | None = None
 
     def __len__(self) -> int:
-        """Return how many keyframes there are."""
+        """Return the number of keyframes."""
         return len(self._factors)
 
     def append(
@@ -117,7 +117,7 @@ class Elimination:
 
     @property
     def message(self) -> gtsam.JacobianFactor:
-        """What is known of the oldest keyframe by those that were taken out."""
+        """Information about the oldest keyframe from the marginalized ones."""
         message = self._messages[0]
         if message is None:
             raise ValueError("elimination: no keyframe was taken out")
@@ -214,7 +214,7 @@ class Elimination:
         self._root = None
 
     def _variables(self, i: int) -> tuple[int, ...]:
-        """Return what is eliminated with a keyframe."""
+        """List the variables that are eliminated with a keyframe."""
         return (*self._layout.keyframe(self.oldest + i), *self._arcs[i])
 
     def _covariance_of_constants(self) -> _Joint:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.kernels.compiled import inner_with, kernel_with
+from fgnav.kernels.compiled import kernel_with
 
 
 @kernel_with(fastmath={"reassoc", "contract"})
@@ -45,7 +45,7 @@ def descended(R: FloatArray, S: FloatArray, above: FloatArray, rows: IntArray) -
     return P
 
 
-@inner_with(fastmath={"reassoc", "contract"})
+@kernel_with(fastmath={"reassoc", "contract"})
 def _inverse(R: FloatArray) -> FloatArray:
     """Return the inverse of an upper triangular matrix."""
     f = R.shape[0]
@@ -60,7 +60,7 @@ def _inverse(R: FloatArray) -> FloatArray:
     return inverse
 
 
-@inner_with(fastmath={"reassoc", "contract"})
+@kernel_with(fastmath={"reassoc", "contract"})
 def _product(A: FloatArray, B: FloatArray) -> FloatArray:
     """Return A times the first rows of B."""
     m, n, p = A.shape[0], A.shape[1], B.shape[1]

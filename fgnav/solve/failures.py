@@ -23,7 +23,7 @@ _CONSTANT, _ARCS = keys.letter(keys.constant(0)), keys.letter(keys.arcs(0))
 def in_words(
     error: RuntimeError, width: int, constants: Parameters, t_s: Callable[[int], float]
 ) -> NoSolutionError:
-    """Return what a failure of GTSAM's elimination means, by the variable that its text names.
+    """Explain a failure of GTSAM's elimination by the variable that its text names.
 
     Parameters
     ----------

@@ -42,14 +42,14 @@ _DAMPING, _MOST_DAMPING = 0.1, 1e8  # 1/rad2, first and last of Levenberg's on r
 
 
 class Minimum(NamedTuple):
-    """Where a search ended."""
+    """Minimum that a search has found."""
 
     solution: Solution
     log_evidence: float  # log marginal likelihood of all that was measured, but for a constant
 
 
 class _Point(NamedTuple):
-    """Where a search stands: states, and ambiguities by key."""
+    """Point of a search: states, and ambiguities by key."""
 
     states: States
     arcs: Mapping[int, FloatArray]
@@ -123,7 +123,7 @@ class _Flight:
         return _Linear(at, cost, factors)
 
     def eliminated(self, linear: _Linear, damping: float = 0.0) -> _Eliminated:
-        """Return it eliminated, with damping, 1/rad2, on every rotation."""
+        """Eliminate the linear system, with damping, 1/rad2, on every rotation."""
         elimination = Elimination(self._layout, lambda k: float(self._problem.t_s[k]))
         rows = np.hstack([np.sqrt(damping) * np.eye(3), np.zeros((3, 3))])
         unit = gtsam.noiseModel.Unit.Create(3)

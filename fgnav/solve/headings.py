@@ -41,7 +41,7 @@ class Headings(NamedTuple):
 
     @property
     def is_observable(self) -> bool:
-        """Return whether the flight tells the heading to half of what lies between two of them."""
+        """Return True if the flight determines the heading to half the spacing of the trials."""
         first = self.ends[0].solution.states
         turn = [end.solution.states.steps_to(first)[0, ROTATION] for end in self.ends]
         log_evidence = np.array([end.log_evidence for end in self.ends])
@@ -87,7 +87,7 @@ def over_headings(
 
 
 def _log_prior(opening: Opening, turn_rad: float) -> float:
-    """Return what a heading stated roughly says of one that is turned from there."""
+    """Compute the log prior of a heading at an angle from the nominal one."""
     variance_rad2 = opening.heading_variance_rad2
     is_open = variance_rad2 >= open_angle_variance_rad2()
     return 0.0 if is_open else -(float(wrap(np.array(turn_rad))) ** 2) / (2 * variance_rad2)

@@ -82,7 +82,7 @@ class LinearProblem:
             yield _factor(variables, blocks, i, value[i])
 
     def unary_factors(self) -> list[list[gtsam.GaussianFactor]]:
-        """Return what speaks of each keyframe, of constants and arcs, and of no other keyframe."""
+        """Collect the factors of each keyframe that touch no other keyframe."""
         found: list[list[gtsam.GaussianFactor]] = [[] for _ in self.numbers]
         if self.priors:
             found[0] += self.priors
@@ -254,7 +254,7 @@ def _phases(
 
 
 def _among(row: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Return which measurements are of some keyframes, both increasing, and of which of them."""
+    """Find the measurements of keyframes, both increasing, and the keyframe of each."""
     first, last = row.searchsorted((rows[0], rows[-1] + 1))
     places = rows.searchsorted(row[first:last])
     among = rows[places] == row[first:last]

@@ -93,7 +93,7 @@ def _about(states: States, solution: Solution) -> tuple[FloatArray, ...]:
 
 
 def _are_apart(one: Solution, other: Solution) -> bool:
-    """Return whether any rotation is further from the other's than the wider sigma."""
+    """Return True if any rotation is further from the other's than the wider sigma."""
     turn = one.states.steps_to(other.states)[:, :3]
     variance = np.maximum(*(np.einsum("nii->ni", s.covariance[:, :3, :3]) for s in (one, other)))
     return bool((turn**2 > _APART_SIGMAS**2 * variance).any())

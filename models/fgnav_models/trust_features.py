@@ -16,7 +16,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.candidates import Candidates
 from fgnav.integers.array.search import PROVEN
 from fgnav.integers.ils.array_model import LinkArrays, link_arrays, spans
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import kernel
 from fgnav.types.differences import DoubleDifferences
 from fgnav_models.trust_fit import Fit, Links, least_squares, log_odds, mixture
 
@@ -139,7 +139,7 @@ def _candidate_features(
     _compare(proposed, log_mixture, out)
 
 
-@inner
+@kernel
 def _links(
     epochs: LinkArrays, group: IntArray, present: BoolArray, proposed: _Proposed, r: int
 ) -> Links:
@@ -157,7 +157,7 @@ def _links(
     return Links(present, group, arm, variance_m2, log_odds(variance_m2))
 
 
-@inner
+@kernel
 def _values_m(epochs: LinkArrays, present: BoolArray, proposed: _Proposed, r: int) -> FloatArray:
     """Return phase and code less the candidate's ranges, (2, a, m); 0 at references."""
     k, (a, m) = proposed.epoch[r], present.shape
@@ -177,7 +177,7 @@ def _values_m(epochs: LinkArrays, present: BoolArray, proposed: _Proposed, r: in
     return out
 
 
-@inner
+@kernel
 def _exclusion_features(worse: FloatArray, links: Links, degrees: float, out: FloatArray) -> None:
     """Write how many links are worse, the likeliest one, and what is left without them."""
     count = np.count_nonzero(links.is_present)
@@ -188,7 +188,7 @@ def _exclusion_features(worse: FloatArray, links: Links, degrees: float, out: Fl
     out[3] = np.log(max(degrees - 2.0 * total, 0.5))
 
 
-@inner
+@kernel
 def _pooled_features(fit: Fit, links: Links, out: FloatArray) -> None:
     """Write mean squares of whitened residuals: of phase, of code, and the largest of pools."""
     a, m = links.is_present.shape
@@ -208,7 +208,7 @@ def _pooled_features(fit: Fit, links: Links, out: FloatArray) -> None:
     out[2], out[3], out[4] = _most(of_group), _most(antenna), _most(satellite)
 
 
-@inner
+@kernel
 def _most(pools: FloatArray) -> float:
     """Return the logarithm of one and the largest mean of pools, sum and number, (p, 2)."""
     most = 0.0
@@ -218,7 +218,7 @@ def _most(pools: FloatArray) -> float:
     return np.log1p(most)  # type: ignore[no-any-return]
 
 
-@inner
+@kernel
 def _largest(fit: Fit, links: Links) -> float:
     """Return the logarithm of the largest whitened phase residual."""
     most = 0.0
@@ -228,7 +228,7 @@ def _largest(fit: Fit, links: Links) -> float:
     return np.log1p(most)  # type: ignore[no-any-return]
 
 
-@inner
+@kernel
 def _compare(proposed: _Proposed, log_mixture: FloatArray, out: FloatArray) -> None:
     """Write log posteriors of Gaussian and mixture, and how far the other candidates are."""
     count, start = len(proposed.epoch), 0

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import kernel
 
 # Of the data the network learns from, in the middle; how much of it there is, it learns itself.
 SHARE = 0.08
@@ -75,12 +75,12 @@ def log_odds(variance_m2: FloatArray) -> FloatArray:
     return out
 
 
-@inner
+@kernel
 def _added_m2(s: int) -> float:
     return (WORSE_PHASE_M if s == 0 else WORSE_CODE_M) ** 2
 
 
-@inner
+@kernel
 def _log_density(residual_m: FloatArray, links: Links, worse: FloatArray) -> float:
     """Return the log density of residuals against that of none; fill in who is worse, (a, m)."""
     total = 0.0
@@ -100,7 +100,7 @@ def _log_density(residual_m: FloatArray, links: Links, worse: FloatArray) -> flo
     return total
 
 
-@inner
+@kernel
 def _fitted(value_m: FloatArray, worse: FloatArray, links: Links) -> Fit:
     """Take out of phase and code what rotation and offsets explain.
 
@@ -139,7 +139,7 @@ def _fitted(value_m: FloatArray, worse: FloatArray, links: Links) -> Fit:
     return Fit(residual_m, logarithm)
 
 
-@inner
+@kernel
 def _weights(worse: FloatArray, links: Links) -> FloatArray:
     """Return the expected inverse variances of links, (2, a, m); 0 where there is none."""
     weight = np.zeros((2, *worse.shape))
@@ -152,7 +152,7 @@ def _weights(worse: FloatArray, links: Links) -> FloatArray:
     return weight
 
 
-@inner
+@kernel
 def _add_channel(weight: FloatArray, columns: FloatArray, normal: FloatArray) -> float:
     """Add a channel to the upper half of normal equations, its satellite's offset eliminated."""
     total = weight.sum()
@@ -179,7 +179,7 @@ def _add_channel(weight: FloatArray, columns: FloatArray, normal: FloatArray) ->
     return np.log(total)  # type: ignore[no-any-return]
 
 
-@inner
+@kernel
 def _eliminate(normal: FloatArray, count: int) -> float:
     """Eliminate the first unknowns in place; return the log determinant of what is determined."""
     logarithm = 0.0
@@ -197,7 +197,7 @@ def _eliminate(normal: FloatArray, count: int) -> float:
     return logarithm
 
 
-@inner
+@kernel
 def _substitute(normal: FloatArray, count: int, out: FloatArray) -> None:
     """Write the first unknowns, those after them known; what nothing determines is 0."""
     for p in range(count - 1, -1, -1):
@@ -207,7 +207,7 @@ def _substitute(normal: FloatArray, count: int, out: FloatArray) -> None:
         out[p] = value / normal[p, p] if normal[p, p] > 0.0 else 0.0
 
 
-@inner
+@kernel
 def _residuals(
     value_m: FloatArray,
     weight: FloatArray,

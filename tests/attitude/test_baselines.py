@@ -227,23 +227,17 @@ def test_a_lost_code_solution_is_bridged_with_a_larger_variance():
     assert apart_m.max() < 3.0  # code noise of 0.3 m and PDOP, and 0.3 m of arc
 
 
-def test_epochs_outside_the_code_solutions_have_no_place():
-    flight = orbiting(lost=(0,))
+@pytest.mark.parametrize(
+    ("changes", "has_place", "note"),
+    [
+        ({"lost": (0,)}, False, "No position: some epochs lie outside the code solutions."),
+        ({"lost": range(20)}, False, "No position: "),
+        ({"doppler": False}, True, "No velocity: some epochs lie outside those with Doppler."),
+    ],
+)
+def test_what_codes_and_doppler_do_not_give_is_absent_with_a_note(changes, has_place, note):
+    flight = orbiting(**changes)
     motion = body_motion(flight, flight.observations.t_s, level(flight))
-    assert motion.p_n_m is None
-    assert motion.notes == ("No position: some epochs lie outside the code solutions.",)
-
-
-def test_without_doppler_there_is_no_velocity():
-    flight = orbiting(doppler=False)
-    motion = body_motion(flight, flight.observations.t_s, level(flight))
-    assert motion.p_n_m is not None
+    assert (motion.p_n_m is not None) == has_place
     assert motion.v_n_mps is None
-    assert motion.notes == ("No velocity: some epochs lie outside those with Doppler.",)
-
-
-def test_without_any_code_there_is_no_place():
-    flight = orbiting(lost=range(20))
-    motion = body_motion(flight, flight.observations.t_s, level(flight))
-    assert motion.p_n_m is None
-    assert motion.notes[0].startswith("No position: ")
+    assert motion.notes[0].startswith(note)

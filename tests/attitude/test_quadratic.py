@@ -4,6 +4,7 @@ from numpy.testing import assert_allclose
 
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.geometry import rotations
+from fgnav.gnss.clock_free import clock_free
 from fgnav.types.integers import fixed_ranges_m
 from tests.integers.arrays import link_covariance
 
@@ -24,9 +25,14 @@ def test_form_equals_double_differences_with_their_full_covariance(group, missin
     ranges_m = fixed_ranges_m(differences, true)
     for k in range(4):
         links = true.fixed[k]
-        weight = np.linalg.inv(
-            link_covariance(differences, k, links, differences.phase_variance_m2)
+        covariance = link_covariance(differences, k, links, differences.phase_variance_m2)
+        weight = np.linalg.inv(covariance)
+        seen = np.isfinite(ranges_m[k])
+        seen = np.concatenate([seen.any(axis=0)[None], seen])[None]
+        clocks = clock_free(
+            differences.group, seen, differences.phase_variance_m2[[k]], np.zeros((*seen.shape, 1))
         )
+        assert_allclose(clocks.log_determinant, np.linalg.slogdet(covariance)[1])
         baseline, channel = np.nonzero(links)
         e_n = differences.e_n[k]
         lines = e_n[channel] - e_n[differences.reference[k, differences.group[channel]]]

@@ -1,6 +1,5 @@
 """A flight whose truth is known in closed form, and estimators whose errors are chosen."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,7 +20,7 @@ PHASE_M = 0.003
 L1_M = 0.190293672798
 
 
-def truth_at(t_s: FloatArray) -> Truth:
+def true_state(t_s: FloatArray) -> Truth:
     """Return a level turn at constant rate: yaw 0.3 rad/s, an arc of 100 m/s."""
     yaw = 0.3 * t_s
     zero = np.zeros_like(t_s)
@@ -42,7 +41,7 @@ class Off:
     more: dict[str, Any] = field(default_factory=dict)
 
     def __call__(self, flight: Flight) -> Estimate:  # noqa: ARG002
-        real = truth_at(self.t_s)
+        real = true_state(self.t_s)
         tangent = np.broadcast_to(np.asarray(self.tangent_b_rad), (len(self.t_s), 3))
         shift = np.array([0.0, 0.0, self.position_m or 0.0])
         return Estimate(
@@ -81,29 +80,5 @@ def differences_of(
 def flight() -> Flight:
     """Return ten seconds with truth at 10 Hz and no sensor at all."""
     return Flight(
-        name="turn", start_gps_s=1e9, origin=MADRID, truth=truth_at(np.arange(0, 10.05, 0.1))
+        name="turn", start_gps_s=1e9, origin=MADRID, truth=true_state(np.arange(0, 10.05, 0.1))
     )
-
-
-@pytest.fixture
-def off() -> Callable[..., Off]:
-    """Return the maker of estimators with chosen errors."""
-    return Off
-
-
-@pytest.fixture
-def lost() -> Callable[..., Lost]:
-    """Return the maker of estimators without an answer."""
-    return Lost
-
-
-@pytest.fixture
-def true_state() -> Callable[[FloatArray], Truth]:
-    """Return the closed form of the truth."""
-    return truth_at
-
-
-@pytest.fixture
-def array_differences() -> Callable[..., DoubleDifferences]:
-    """Return the maker of double differences of attitudes and baselines."""
-    return differences_of

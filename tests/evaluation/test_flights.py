@@ -16,13 +16,13 @@ from fgnav.evaluation.report.flights import innovations, on_screen, summary
 from fgnav.evaluation.report.save import save_flights_report
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Estimate
+from tests.evaluation.conftest import Off
 
 
 @dataclass(frozen=True)
 class Growing:
     """An estimator whose error differs from flight to flight."""
 
-    off: object
     name: str
     size_rad: float
     unfit: str = ""
@@ -33,7 +33,7 @@ class Growing:
             raise BadInputError("no such sensor")
         tangent = self.size_rad * (1 + 0.1 * number) * np.array([1.0, 0.0, 0.0])
         covariance = np.tile(self.size_rad**2 * np.eye(3), (100, 1, 1))
-        return self.off(self.name, tangent, more={"attitude_covariance_rad2": covariance})(flight)
+        return Off(self.name, tangent, more={"attitude_covariance_rad2": covariance})(flight)
 
 
 @pytest.fixture
@@ -47,8 +47,8 @@ def run(flights, methods):
     return compare_flights(flights, methods, watch=nullcontext)
 
 
-def test_figures_are_pooled_by_flight(flights, off):
-    outcome = run(flights, [Growing(off, "a", 0.01)])
+def test_figures_are_pooled_by_flight(flights):
+    outcome = run(flights, [Growing("a", 0.01)])
     own = np.degrees(0.01 * (1 + 0.1 * np.arange(6)))
     rms = outcome.pooled("attitude_rmse_deg", "a")
     assert rms.value == pytest.approx(np.sqrt((own**2).mean()), rel=1e-6)
@@ -56,8 +56,8 @@ def test_figures_are_pooled_by_flight(flights, off):
     assert outcome.pooled("attitude_p95_deg", "a").value == pytest.approx(own.mean(), rel=1e-6)
 
 
-def test_differences_are_those_of_paired(flights, off):
-    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+def test_differences_are_those_of_paired(flights):
+    outcome = run(flights, [Growing("a", 0.02), Growing("b", 0.01)])
     own = outcome.paired("matched_attitude_rmse_deg", "b")
     a, b = (outcome.figure("matched_attitude_rmse_deg", name) for name in "ab")
     direct = paired(b, a, np.random.default_rng(1))
@@ -66,9 +66,9 @@ def test_differences_are_those_of_paired(flights, off):
     assert own.p_value == direct.p_value == pytest.approx(2 / 2**6)  # all six alike in sign
 
 
-def test_one_flight_does_not_end_the_others(flights, off):
+def test_one_flight_does_not_end_the_others(flights):
     lost = [("gone", BadInputError("gone: no such folder")), *flights]
-    outcome = run(lost, [Growing(off, "a", 0.01, unfit="2")])
+    outcome = run(lost, [Growing("a", 0.01, unfit="2")])
     assert [one.flight for one in outcome.flights if one.failure] == ["gone", "f2"]
     assert np.isfinite(outcome.figure("attitude_rmse_deg", "a")).sum() == 5
     text = "\n".join(text_lines(on_screen(outcome), 200))
@@ -76,8 +76,8 @@ def test_one_flight_does_not_end_the_others(flights, off):
     assert "f2: not compared: no such sensor" in text
 
 
-def test_figures_are_json_without_nan_and_the_same_twice(flights, off):
-    methods = [Growing(off, "a", 0.02), Growing(off, "b", 0.01)]
+def test_figures_are_json_without_nan_and_the_same_twice(flights):
+    methods = [Growing("a", 0.02), Growing("b", 0.01)]
     texts = [json.dumps(run(flights, methods).to_dict(), allow_nan=False) for _ in range(2)]
     content = json.loads(texts[0])
     assert content["against"] == "a"
@@ -88,8 +88,8 @@ def test_figures_are_json_without_nan_and_the_same_twice(flights, off):
     assert without_times[0] == without_times[1]
 
 
-def test_a_page_of_flights_has_every_flight(flights, off, tmp_path):
-    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+def test_a_page_of_flights_has_every_flight(flights, tmp_path):
+    outcome = run(flights, [Growing("a", 0.02), Growing("b", 0.01)])
     save_flights_report(outcome, tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text()
     for word in ("f0", "f5", "Wilcoxon p", "Against a, flight by flight", "0x5eed"):
@@ -179,8 +179,8 @@ def test_what_cannot_be_done_is_one_line(batch, options, text, capsys):
     assert len(error.splitlines()) == 1
 
 
-def test_pictures_of_several_flights_show_every_part(flights, off, tmp_path):
-    outcome = run(flights, [Growing(off, "a", 0.02), Growing(off, "b", 0.01)])
+def test_pictures_of_several_flights_show_every_part(flights, tmp_path):
+    outcome = run(flights, [Growing("a", 0.02), Growing("b", 0.01)])
     names = {path.name for path in save_flights_report(outcome, tmp_path / "a.png")}
     assert {"a.png", "a-paired.png", "a-flights.png", "a-versions.png"} <= names
 

@@ -5,17 +5,18 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.integer_counts import count_integers, integers_at, true_attitudes
+from tests.evaluation.conftest import differences_of, true_state
 
 ARRAY_B_M = np.array([[0, 0.1, 0], [1, 0, 0], [-0.8, 0.1, 0.1]])
 EPOCHS, BASELINES, PAIRS = 10, len(ARRAY_B_M), 5
 
 
 @pytest.fixture
-def case(array_differences, true_state):
+def case():
     """Return differences of ten epochs and their true integers, known in the first eight."""
     rng = np.random.default_rng(5)
     t_s = np.arange(EPOCHS) * 0.1
-    differences = array_differences(true_state(t_s).R_nb, ARRAY_B_M, rng)
+    differences = differences_of(true_state(t_s).R_nb, ARRAY_B_M, rng)
     truth = true_state(t_s[:8])
     return differences, integers_at(differences, *true_attitudes(truth, t_s))
 

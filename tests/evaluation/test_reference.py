@@ -3,9 +3,10 @@ import numpy as np
 from fgnav.evaluation.reference import common_epochs, covered, truth_at
 from fgnav.geometry import rotations
 from fgnav.types.flight import Truth
+from tests.evaluation.conftest import true_state
 
 
-def test_truth_between_samples_follows_a_steady_turn(flight, true_state):
+def test_truth_between_samples_follows_a_steady_turn(flight):
     t_s = np.linspace(0.013, 9.97, 301)
     got, want = truth_at(flight.truth, t_s), true_state(t_s)
     turn_rad = rotations.log(rotations.transpose(got.R_nb) @ want.R_nb)
@@ -22,7 +23,7 @@ def test_truth_at_its_own_samples_is_returned_as_it_is(flight):
     np.testing.assert_allclose(got.R_nb, flight.truth.R_nb, rtol=0, atol=1e-14)
 
 
-def test_nothing_is_known_outside_the_span_or_inside_a_gap(true_state):
+def test_nothing_is_known_outside_the_span_or_inside_a_gap():
     t_s = np.concatenate([np.arange(0, 3, 0.1), np.arange(5, 8, 0.1)])
     truth = true_state(t_s)
     asked_s = np.array([-0.01, 0.0, 2.85, 2.9, 3.5, 4.99, 5.0, 5.05, 7.9004, 7.91])
@@ -30,7 +31,7 @@ def test_nothing_is_known_outside_the_span_or_inside_a_gap(true_state):
     assert covered(truth, asked_s).tolist() == want
 
 
-def test_a_single_sample_covers_only_its_own_time(true_state):
+def test_a_single_sample_covers_only_its_own_time():
     truth = true_state(np.array([2.0]))
     assert covered(truth, np.array([1.0, 2.0, 3.0])).tolist() == [False, True, False]
     assert truth_at(truth, np.array([2.0])).p_n_m.tolist() == truth.p_n_m.tolist()

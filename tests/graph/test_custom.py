@@ -3,11 +3,10 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.graph import keys
+from fgnav.graph import jacobian_misfit, keys
 from fgnav.graph.custom import (
     NamedFactor,
     check_factor,
-    jacobian_misfit,
     named,
     newest_keyframe,
     raise_pending,

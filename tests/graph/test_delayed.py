@@ -31,7 +31,7 @@ VALUES = np.array([0.0, 0.03, 2000.0, 0.1])
 
 def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
     """Tags 0.1 s too great: the measurement is of 0.1 s later than the state, at 10 m/s."""
-    at = cases.random_states(1, TIMES, np.random.default_rng(3), gyroscope=True)
+    at = cases.random_states(1, np.random.default_rng(3), TIMES, gyroscope=True)
     at = at._replace(
         R_nb=np.eye(3)[None],
         p_n_m=np.zeros((1, 3)),
@@ -61,14 +61,14 @@ def test_a_position_is_met_where_the_body_is_by_the_clock_of_gnss():
 
 def test_without_clock_or_delay_a_measurement_stays_as_it_is():
     rng, none = np.random.default_rng(4), sensors.constants("another")
-    at = cases.random_states(K, none, rng, gyroscope=True)
+    at = cases.random_states(K, rng, none, gyroscope=True)
     part = sensors.velocity(rng, at).bound(none)
     assert on_clock(part, sensors.timed(rng, at), delay=VELOCITY_DELAY) is part
 
 
 def test_covariances_of_solutions_on_gnss_time_are_those_of_samples():
     rng = np.random.default_rng(5)
-    at = cases.random_states(K, TIMES, rng, gyroscope=True)._replace(constants=VALUES)
+    at = cases.random_states(K, rng, TIMES, gyroscope=True)._replace(constants=VALUES)
     motion = sensors.timed(rng, at)
     D, b = at.width, TIMES.width
     scale = np.concatenate([np.full(D, 1e-3), [1e-3, 1e-3, 1.0, 1e-3]])

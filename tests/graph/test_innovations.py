@@ -30,7 +30,7 @@ def random_covariances(rng, n, d):
 
 def solution_of(rng, shared, *, scale: float = 1e-4) -> Solution:
     """Return random states, their covariances with each other and the constants random too."""
-    b, at = shared.width, cases.random_states(N, shared, rng)
+    b, at = shared.width, cases.random_states(N, rng, shared)
     joint = scale * random_covariances(rng, 1, N * D + b)[0]
     own = np.array([joint[D * k : D * k + D, D * k : D * k + D] for k in range(N)])
     beside = [joint[D * k : D * k + D, D * k + D : D * k + 2 * D] for k in range(N - 1)]
@@ -122,7 +122,7 @@ def test_nine_rows_of_three_degrees_of_freedom_are_three():
     """Phases of right noise about attitudes known beside them: NIS of one for each."""
     rng, shared, n = np.random.default_rng(3), Parameters(), 4000
     sigma_rad, size = 0.01, np.array([300.0, 200.0, 100.0])  # in sigmas per rad
-    at = cases.random_states(n, shared, rng)
+    at = cases.random_states(n, rng, shared)
     moved = at.moved(np.pad(sigma_rad * rng.normal(size=(n, 3)), ((0, 0), (0, 18))), np.empty(0))
     root = np.zeros((n, 9, 9))
     root[:, np.arange(9), np.arange(9)] = np.repeat(size, 3)

@@ -12,8 +12,15 @@ from scipy.special import chdtri
 from fgnav import cli, plugins
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotations import log, transpose
-from fgnav.graph import angular_motion, constant, imu_bias, pose, velocity
-from fgnav.graph.custom import jacobian_misfit, residual_factor
+from fgnav.graph import (
+    angular_motion,
+    constant,
+    imu_bias,
+    jacobian_misfit,
+    pose,
+    residual_factor,
+    velocity,
+)
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig

@@ -8,6 +8,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.cli import main
+from fgnav.evaluation.networks import calibration
 from fgnav.graph.custom import newest_keyframe
 from fgnav.graph.keys import Timeline, constant
 from fgnav.gravity import LowDynamics
@@ -15,7 +16,6 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import Options, method_named
 from fgnav.methods.smoother import Smoother
 from fgnav.neural import NeuralFactor
-from fgnav.neural.calibration import calibration
 from fgnav_models.runtime.factors import manifest
 from fgnav_sim.data_sets.gravity import PHASES, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld, WindowsTable
@@ -47,7 +47,11 @@ def of_scenario(name, count):
     fixes = FixesTable(rate_hz=10.0)
     scenario = msgspec.structs.replace(load_scenario(name), gnss=None, fixes=fixes)
     rngs = np.random.default_rng(77).spawn(count)
-    return [(one.flight, {}) for one in simulate_many(scenario, rngs)]
+    return [one.flight for one in simulate_many(scenario, rngs)]
+
+
+def calibrated(name, flights):
+    return calibration([NeuralFactor(manifest(name))] * len(flights), flights)
 
 
 def asked(flight, name="gravity", **options):
@@ -73,28 +77,26 @@ def unseen():
     kinds = [kind for kind in PHASES if kind != "vacuum"]
     rngs = np.random.default_rng(20_261).spawn(20 * len(kinds))
     world = GravityWorld(windows=WindowsTable(flight_s=24.0))
-    return [
-        (gravity_flight(world, kinds[k % len(kinds)], rng=rng), {}) for k, rng in enumerate(rngs)
-    ]
+    return [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_on_unseen_flights_of_all_kinds_the_covariance_is_that_of_the_errors(name, unseen):
-    found = calibration(manifest(name), unseen)
+    found = calibrated(name, unseen)
     assert 0.8 <= found.network.nees <= 1.3
     assert found.network.nll < found.constant.nll - 0.5
 
 
 @pytest.mark.parametrize("name", ["rocket", "glider"])
 def test_bodies_that_fly_by_themselves_are_answered_honestly(name):
-    found = calibration(manifest("gravity"), of_scenario(name, 10))
+    found = calibrated("gravity", of_scenario(name, 10))
     assert 0.6 <= found.network.nees <= 1.5  # of ten flights, whose errors last
     assert found.network.nll < found.constant.nll
     assert found.count > found.outside
 
 
 def test_gravity_is_right_to_a_degree_in_a_level_turn():
-    found = calibration(manifest("gravity"), [(flown(BANKED, seed=k), {}) for k in range(4)])
+    found = calibrated("gravity", [flown(BANKED, seed=k) for k in range(4)])
     errors = np.array([one.rms for one in found.bins])
     assert np.degrees(np.sqrt(2 * (errors**2).mean())) < 1.3
 

@@ -1,5 +1,6 @@
 """Small networks to test with: their ONNX files and manifests."""
 
+import json
 from hashlib import sha256
 from itertools import pairwise
 
@@ -124,6 +125,17 @@ def perceptron(folder, window, width, measures="heading", lasting=0.0):
     content = model(nodes, {"x": (window, 3)}, {at: (freedom,)}, weights)
     answer = told(at, measures, Covariance(form="none", sigma=(1e3,)), lasting=lasting)
     return written(folder, "perceptron", content, seen("accelerometer", window, scale=10.0), answer)
+
+
+def changed(path, place, value):
+    """Change one entry of a manifest's file."""
+    content = json.loads(path.read_text())
+    *tables, key = place
+    part = content
+    for name in tables:
+        part = part[name]
+    part[key] = value
+    path.write_text(json.dumps(content))
 
 
 def toml(content):

@@ -1,41 +1,37 @@
-"""The heading network of ``notebooks/03_neural_factor``, made by its very cells.
+"""The heading network of ``notebooks/03_neural_factor``, made by its very lines.
 
 No model of the library knows photodiodes. The network learns the heading from their currents, and
-how well it knows it: where the sun stands high over a banked body, badly.
+how well it knows it.
 """
 
 from functools import cache
 from pathlib import Path
 
-import msgspec
 import numpy as np
 
 from fgnav.integers.resolvers.truth import attitude_at
-from fgnav.neural.manifest import read_manifest, save_manifest
 from fgnav.neural.records import Record
+from fgnav_models import learn
 
 NOTEBOOK = Path(__file__).resolve().parents[2] / "notebooks" / "03_neural_factor.py"
-NAME, SENSOR = "sun compass", "photodiodes"
+NAME, SENSOR = "sun", "photodiodes"
 
 
 @cache
 def made():
-    """Return what the notebook has made up to its calibration, by name."""
-    cells, rest = NOTEBOOK.read_text(encoding="utf-8").split("# ## Calibration\n")
-    assert rest
+    """Return what the notebook has made up to its flights, by name."""
+    lines, flights = NOTEBOOK.read_text(encoding="utf-8").split("flown = ")
+    assert flights
     names = {}
-    exec(compile(cells, NOTEBOOK, "exec"), names)  # our own notebook
+    exec(compile(lines, NOTEBOOK, "exec"), names)  # our own notebook
     return names
 
 
-def written(folder, half_life_s=0.07):
+def written(folder, half_life_s=0.2):
     """Write the network and its manifest; return the manifest's path."""
-    source, path = made()["folder"], folder / "sun.json"
-    (folder / "sun.onnx").write_bytes((source / "sun.onnx").read_bytes())
-    manifest = read_manifest(source / "sun.json")
-    output = msgspec.structs.replace(manifest.output, half_life_s=half_life_s)
-    save_manifest(msgspec.structs.replace(manifest, output=output), path)
-    return path
+    net, diodes = (made()[name] for name in ("net", "diodes"))
+    errors = {"half_life_s": half_life_s}
+    return learn.export(learn.factor(net, "heading", [diodes], name=NAME, **errors), folder)
 
 
 def recorded(truth, seed):

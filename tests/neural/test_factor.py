@@ -9,8 +9,9 @@ import pytest
 
 from fgnav.geometry import rotations
 from fgnav.geometry.interpolation import interpolate
+from fgnav.graph import jacobian_misfit
 from fgnav.graph.correlation import inflation, interval_s
-from fgnav.graph.custom import check_factor, jacobian_misfit
+from fgnav.graph.custom import check_factor
 from fgnav.graph.keys import Timeline, constant, pose, velocity
 from fgnav.messages import note
 from fgnav.neural import NeuralFactor, Record
@@ -18,6 +19,7 @@ from fgnav.neural.correlation import half_life_s, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
 from fgnav.neural.records import of_flight
+from fgnav_sim.gauss_markov import gauss_markov
 from tests.methods.simulated import flown
 from tests.neural import graphs, sun_compass
 
@@ -85,13 +87,13 @@ def test_a_quaternion_is_its_rotation_matrix(tmp_path):
 
 
 def test_onnxruntime_says_what_torch_says(tmp_path):
-    """Of a trained network, on windows that it has not seen, through its manifest."""
+    """Of a trained network, through its manifest."""
     import torch
 
     notebook = sun_compass.made()
-    seen, _ = notebook["windows"](500, np.random.default_rng(77))
+    seen, diodes = notebook["seen"][:500], notebook["diodes"]
     answers = load_network(sun_compass.written(tmp_path))([seen])
-    x = torch.tensor((seen - notebook["mean"]) / notebook["scale"], dtype=torch.float32)
+    x = torch.tensor((seen - diodes.mean) / diodes.scale, dtype=torch.float32)
     with torch.no_grad():
         direction, log_sigma = (part.double().numpy() for part in notebook["net"](x))
     heading_rad = np.arctan2(direction[:, 1], direction[:, 0])
@@ -191,19 +193,14 @@ def test_independent_answers_are_not_inflated():
     assert inflation(0.0, 0.1) == 1.0
 
 
-def gauss_markov(count, true_s, rng):
-    """Return errors of unit variance, (count, 2), a tenth of a second apart."""
-    rho = 2.0 ** (-STEP_S / true_s)
-    noise, error = rng.standard_normal((count, 2)), np.zeros((count, 2))
-    error[0] = noise[0]
-    for k in range(1, count):
-        error[k] = rho * error[k - 1] + np.sqrt(1 - rho**2) * noise[k]
-    return error
+def correlated(half_life_s, shape, rng):
+    """Return errors of unit variance, a tenth of a second apart along the first axis."""
+    return gauss_markov(half_life_s / np.log(2), STEP_S, shape, rng=rng)
 
 
 def test_the_half_life_of_a_gauss_markov_process_is_found():
     rng = np.random.default_rng(4)
-    error, t_s = gauss_markov(20_000, 0.5, rng), STEP_S * np.arange(20_000)
+    error, t_s = correlated(0.5, (20_000, 2), rng), STEP_S * np.arange(20_000)
     # The autocorrelation's sum has a relative 1-sigma of about sqrt(4 M / n): 5 % of M = 25 lags.
     assert abs(half_life_s([(t_s, error)]) / 0.5 - 1) < 0.15
     assert half_life_s([(t_s, rng.standard_normal((20_000, 2)))]) < 0.3 * STEP_S
@@ -211,7 +208,7 @@ def test_the_half_life_of_a_gauss_markov_process_is_found():
 
 def test_a_half_life_is_found_across_missing_answers():
     rng = np.random.default_rng(6)
-    error, t_s = gauss_markov(20_000, 0.5, rng), STEP_S * np.arange(20_000)
+    error, t_s = correlated(0.5, (20_000, 2), rng), STEP_S * np.arange(20_000)
     there = rng.random(20_000) < 0.7
     assert abs(half_life_s([(t_s[there], error[there])]) / 0.5 - 1) < 0.15
 
@@ -222,7 +219,7 @@ def test_errors_that_partly_last_for_a_flight_are_counted_right_over_one():
     def flights(rng):
         t_s = STEP_S * np.arange(300)
         return [
-            (t_s, np.sqrt(0.75) * gauss_markov(300, 0.3, rng) + 0.5 * rng.standard_normal(2))
+            (t_s, np.sqrt(0.75) * correlated(0.3, (300, 2), rng) + 0.5 * rng.standard_normal(2))
             for _ in range(400)
         ]
 

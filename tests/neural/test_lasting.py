@@ -12,6 +12,7 @@ from fgnav.neural import NeuralFactor
 from fgnav.neural.correlation import half_life_s, lasting_share, together
 from fgnav.neural.network import load_network
 from fgnav.neural.outputs import Counted, factor_of
+from fgnav_sim.gauss_markov import gauss_markov
 from tests.assembly import flights
 from tests.methods.simulated import flown
 from tests.neural import graphs
@@ -22,14 +23,11 @@ SHARE, HALF_LIFE_S, STEP_S = 0.4, 0.3, 0.1
 
 def errors(rng, share, count=300, n=300):
     """Return flights of errors, a share of whose variance lasts, (n, 2) each."""
-    rho, out = 2.0 ** (-STEP_S / HALF_LIFE_S), []
-    for _ in range(count):
-        new = rng.standard_normal((n, 2))
-        for k in range(1, n):
-            new[k] = rho * new[k - 1] + np.sqrt(1 - rho**2) * new[k]
-        lasts = rng.standard_normal(2)
-        out.append((STEP_S * np.arange(n), np.sqrt(share) * lasts + np.sqrt(1 - share) * new))
-    return out
+    t_s = STEP_S * np.arange(n)
+    new = gauss_markov(HALF_LIFE_S / np.log(2), STEP_S, (n, count, 2), rng=rng)
+    lasts = rng.standard_normal((count, 2))
+    error = np.sqrt(share) * lasts + np.sqrt(1 - share) * new
+    return [(t_s, error[:, k]) for k in range(count)]
 
 
 def test_what_lasts_is_told_from_what_is_soon_new():
@@ -82,7 +80,7 @@ def test_in_a_graph_many_answers_leave_what_lasts(tmp_path):
         estimate = Batch(factors=(str(path),))(flight)
         last = streamed(case, (NeuralFactor(path),))[-1]
         for one in (estimate, last):
-            assert not any("lasting" in known.name for known in one.constants)
+            assert not any("lasting" in known.name for known in one.calibration)
             ratio = np.sqrt(one.position_covariance_m2[len(one.t_s) // 2, 2, 2]) / sigma_m
             assert low < ratio < high
 

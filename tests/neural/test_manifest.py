@@ -74,12 +74,7 @@ WRONG = {
 def test_a_wrong_manifest_is_one_line(tmp_path, wrong):
     place, value, text = WRONG[wrong]
     path = graphs.heading(tmp_path)
-    content = json.loads(path.read_text())
-    part = content
-    for key in place[:-1]:
-        part = part[key]
-    part[place[-1]] = value
-    path.write_text(json.dumps(content))
+    graphs.changed(path, place, value)
     with pytest.raises(BadInputError, match=rf"^{path}: key {text}") as raised:
         load_network(path)
     assert "\n" not in str(raised.value)
@@ -210,15 +205,3 @@ def test_a_manifest_stands_for_a_source_on_the_command_line(tmp_path, capsys):
     assert "inputs[0].unit: must be m/s2" in error
     assert cli.main([*words, "--factors", str(tmp_path / "none.toml")]) == 2
     assert "none.toml" in capsys.readouterr().err
-
-
-def test_calibration_states_the_network_beside_the_constant_sigma(tmp_path, capsys):
-    save_flight(flown("surroundings", 5.0), tmp_path / "flight")
-    path = graphs.heading(tmp_path, value=0.0, spread=np.log(0.5))
-    words = ["calibration", str(path), "--flights", str(tmp_path / "flight")]
-    assert cli.main([*words, "--json", str(tmp_path / "card.json")]) == 0
-    assert "The network's sigma is no better than a constant one." in capsys.readouterr().out
-    card = json.loads((tmp_path / "card.json").read_text())
-    assert abs(card["constant"]["nees"] - 1) < 1e-9
-    assert card["network"]["nll"] > card["constant"]["nll"]
-    assert sum(part["count"] for part in card["bins"]) == card["count"] > 40

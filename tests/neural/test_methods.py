@@ -51,7 +51,7 @@ def test_a_heading_network_tells_a_straight_flight_its_heading(method, manifest)
         squares.append(nees(errors_rad(flight, found), found.attitude_covariance_rad2))
         test = next(one for one in found.consistency if one.what == sun_compass.NAME)
         assert 0.3 < test.nis < 0.9  # 1 / c = 0.6: covariances of answers are inflated
-        assert "within 0.14 s of another" in " ".join(one.reason for one in found.unused)
+        assert "within 0.4 s of another" in " ".join(one.reason for one in found.unused)
     assert 1.0 < np.mean(squares) < 4.0
 
 
@@ -86,10 +86,11 @@ def test_degrees_taken_for_radians_show_in_the_innovations(manifest, tmp_path):
 
 
 def test_a_stream_takes_a_network(manifest):
-    """By three quarters of the covariance, as it states: of one flight alone by .5 to .9."""
+    """It is better with it, by as much as its covariances have it."""
     rms_rad: dict[str, list[float]] = {"without": [], "with": []}
+    sigma_rad: dict[str, list[float]] = {"without": [], "with": []}
     squares: list[float] = []
-    for seed in (30_001, 30_011):
+    for seed in range(30_001, 30_009):
         case = flights.turning(
             np.random.default_rng(seed), span_s=10.0, gyro=True, amplitude_deg=15.0
         )
@@ -102,10 +103,14 @@ def test_a_stream_takes_a_network(manifest):
             R_nb = np.concatenate([part.R_nb for part in parts])
             error = flights.attitude_errors_rad(R_nb, case.truth)
             P = np.concatenate([part.attitude_covariance_rad2 for part in parts])
+            sigma_rad[name].append(np.sqrt(np.einsum("nii->n", P).mean()))
             rms_rad[name].append(np.sqrt((error**2).mean()))
         squares.append(flights.nees(error, P).mean())
-    pooled = {name: np.linalg.norm(values) for name, values in rms_rad.items()}
-    assert pooled["with"] < 0.9 * pooled["without"]
+    gained, promised = (
+        np.linalg.norm(by["with"]) / np.linalg.norm(by["without"]) for by in (rms_rad, sigma_rad)
+    )
+    assert gained < 1
+    assert abs(gained - promised) < 0.1
     assert 1 < np.mean(squares) < 4
     tests = [one for part in parts for one in part.consistency]
     assert {one.what for one in tests} == {sun_compass.NAME}

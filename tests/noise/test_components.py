@@ -20,7 +20,7 @@ STEP = 0.02  # of theta
 def components_of(kind, seed, standstill=None):
     flight = right_flight(kind, seed)
     build = partial(build_problem, last=LastObservations())
-    problem, _ = decimated(build(flight, Smoother().preparation).problem)
+    problem, _ = decimated(build(flight, Smoother().preparation))
     resting = None
     if standstill is not None:
         n = len(problem.t_s)

@@ -175,7 +175,7 @@ def test_slope_of_the_posterior_is_that_of_its_differences():
     np.testing.assert_allclose(slope, by_differences, atol=atol)
 
 
-@pytest.mark.parametrize("seed", range(20_002, 20_006))
+@pytest.mark.parametrize("seed", [20_002, 20_003])
 @pytest.mark.parametrize("rate", [[0, 0, 0], [0, 0, 0.2], [4 * np.pi, 0, 0], [0, 8 * np.pi, 0]])
 def test_constant_rate_has_next_to_no_motion_about_it(rate, seed):
     # only the variance is asked for: of no motion every length is as likely, within half a nat, and
@@ -190,24 +190,17 @@ def test_constant_rate_has_next_to_no_motion_about_it(rate, seed):
     assert (sigmas(prior) < 0.3).all()
 
 
-@pytest.mark.parametrize("share", [0.02, 0.1, 0.3])
+@pytest.mark.parametrize("share", [0.02, 0.1, 0.3, None], ids=["2 %", "10 %", "30 %", "3 s"])
 def test_wrong_attitudes_are_not_motion(share):
+    """Wrong anywhere, or all alike for three seconds on end."""
     rng = np.random.default_rng(20_003)
     R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
     clean = rate_prior(T_S, R, V)
-    wrong = rng.random(600) < share
-    R[wrong] = R[wrong] @ exp(rng.normal(size=(wrong.sum(), 3)))
+    wrong = np.abs(T_S - 21.5) < 1.5 if share is None else rng.random(600) < share
+    turn = [[0.2, -0.4, 0.3]] if share is None else rng.normal(size=(wrong.sum(), 3))
+    R[wrong] = R[wrong] @ exp(np.array(turn))
     prior = rate_prior(T_S, R, V)
     np.testing.assert_allclose(frequencies_radps(prior), frequencies_radps(clean), rtol=0.1)
-    assert np.abs(np.log(sigmas(prior) / sigmas(clean))).max() < 0.3
-
-
-def test_attitudes_wrong_for_three_seconds_on_end_are_not_motion():
-    rng = np.random.default_rng(20_004)
-    R, V = with_noise(sine(T_S), 0.3 * DEG, rng)
-    clean = rate_prior(T_S, R, V)
-    R[200:230] = R[200:230] @ exp(np.array([[0.2, -0.4, 0.3]]))
-    prior = rate_prior(T_S, R, V)
     assert np.abs(np.log(sigmas(prior) / sigmas(clean))).max() < 0.3
 
 

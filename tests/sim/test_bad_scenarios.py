@@ -28,51 +28,62 @@ def refused(folder: Path, capsys: pytest.CaptureFixture[str], *extra: str) -> st
     return said.err
 
 
-def written(folder: Path, scenario: str, vehicle: str = ROCKET) -> None:
-    (folder / "bad.toml").write_text(scenario, encoding="utf-8")
-    (folder / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+PLAIN = (VEHICLES / "rigid_body.toml").read_text(encoding="utf-8")
 
 
-def test_a_step_too_long_for_the_canards(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("scenario", "vehicle", "batch", "said"),
+    [
+        (
+            FLOWN + "attitude = {}\nstep_s = 0.5",
+            ROCKET,
+            (),
+            "flown.step_s: must be at most twice the canards' lag_s 0.01",
+        ),
+        (FLOWN.replace("vehicle.toml", "none.toml"), ROCKET, (), "flown.vehicle: no such file"),
+        (
+            FLOWN + "attitude = {}",
+            PLAIN,
+            (),
+            "key flown.attitude: needs a vehicle with a table [autopilot]",
+        ),
+        *(
+            (
+                FLOWN + "step_s = 0.5",
+                ROCKET,
+                batch,
+                "flown.step_s: the integration of flight 0 diverges with 0.5 before t_s",
+            )
+            for batch in ((), ("--batch", "3"))
+        ),
+    ],
+)
+def test_a_flight_that_cannot_be_flown(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    scenario: str,
+    vehicle: str,
+    batch: tuple[str, ...],
+    said: str,
 ) -> None:
-    written(tmp_path, FLOWN + "attitude = {}\nstep_s = 0.5")
-    said = "bad.toml: flown.step_s: must be at most twice the canards' lag_s 0.01"
-    assert said in refused(tmp_path, capsys)
+    (tmp_path / "bad.toml").write_text(scenario, encoding="utf-8")
+    (tmp_path / "vehicle.toml").write_text(vehicle, encoding="utf-8")
+    assert f"bad.toml: {said}" in refused(tmp_path, capsys, *batch)
 
 
-def test_a_vehicle_that_is_not_there_or_cannot_hold_an_attitude(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    written(tmp_path, FLOWN.replace("vehicle.toml", "none.toml"))
-    assert "bad.toml: flown.vehicle: no such file" in refused(tmp_path, capsys)
-    plain = (VEHICLES / "rigid_body.toml").read_text(encoding="utf-8")
-    written(tmp_path, FLOWN + "attitude = {}", plain)
-    said = "bad.toml: key flown.attitude: needs a vehicle with a table [autopilot]"
-    assert said in refused(tmp_path, capsys)
-
-
-@pytest.mark.parametrize("batch", [(), ("--batch", "3")])
-def test_a_step_that_diverges_leaves_nothing_of_a_batch_either(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], batch: tuple[str, ...]
-) -> None:
-    written(tmp_path, FLOWN + "step_s = 0.5")
-    said = refused(tmp_path, capsys, *batch)
-    assert (
-        "bad.toml: flown.step_s: the integration of flight 0 diverges with 0.5 before t_s" in said
-    )
-    assert "take a shorter step" in said
-
-
-@pytest.mark.parametrize("kind", ["navigation", "orbits"])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("navigation", "ESBC00DNK_R_20201770000_01D_MN.rnx"),
+        ("orbits", "COD0MGXFIN_20201770000_01D_05M_ORB.SP3"),
+    ],
+)
 def test_an_ephemeris_of_another_date(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], shared: Path, kind: str
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], shared: Path, kind: str, name: str
 ) -> None:
-    names = {"navigation": "ESBC00DNK_R_20201770000_01D_MN.rnx",
-             "orbits": "COD0MGXFIN_20201770000_01D_05M_ORB.SP3"}  # fmt: skip
-    file = shared / "orbits" / names[kind]
+    file = shared / "orbits" / name
     text = f'start = 2023-01-01T00:00:00\nduration_s = 2.0\n[gnss]\n{kind} = ["{file}"]\n'
-    written(tmp_path, text)
+    (tmp_path / "bad.toml").write_text(text, encoding="utf-8")
     said = refused(tmp_path, capsys)
     assert "bad.toml: gnss: navigation and orbits know no satellite of G at 2023-01-01T00" in said
     assert "name files of that date" in said

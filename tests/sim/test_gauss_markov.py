@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav_sim.gauss_markov import flicker, gauss_markov
-from tests.sim.allan import allan_deviation
+from tests.sim.statistics import allan_deviation
 
 
 @pytest.mark.parametrize(("time_constant_s", "step_s"), [(20.0, 1.0), (5.0, 0.1)])

@@ -6,18 +6,13 @@ import pytest
 from fgnav.gnss.difference import double_differences
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
-from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
 from tests.gnss import rtklib
 from tests.sim import moving_base
+from tests.sim.motions import SWING
+from tests.sim.statistics import whitened_square
 
-SWING = Motion(
-    path=Arc(),
-    roll=Sine(amplitude_deg=20.0),
-    pitch=Sine(amplitude_deg=20.0),
-    yaw=Sine(amplitude_deg=20.0),
-)
 ROUGH = {
     "slips": SlipsTable(rate_per_hour=60.0),
     "loss_of_lock": LossOfLockTable(rate_per_hour=60.0),
@@ -100,26 +95,10 @@ def test_residuals_of_the_true_integers_fill_the_stated_covariance(
         (phase, differences.phase_variance_m2),
         (code, differences.code_variance_m2),
     ):
-        square, freedom = chi_square(residual_m, variance_m2, differences.reference[:, 0])
+        square, freedom = whitened_square(differences, residual_m, variance_m2)
         assert freedom > 4000
         assert square == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom))
     changes = np.diff(integers, axis=0) != 0
     same_arc = (differences.arc[1:] == differences.arc[:-1]) & (differences.arc[1:] >= 0)
     assert not changes[same_arc].any()
     assert (differences.arc.max() > 0) == bool(interruptions)
-
-
-def chi_square(residual_m, variance_m2, reference):
-    """Return the sum of whitened squares over all epochs and baselines, and its freedom."""
-    square = freedom = 0
-    for row, variance, own in zip(residual_m, variance_m2, reference, strict=True):
-        # Baselines share antenna 1: only those channels that all baselines have, so that the
-        # covariance is a product of two.
-        there = np.isfinite(row).all(axis=0)
-        there[own] = False
-        e, (b, m) = row[:, there], (len(row), there.sum())
-        of_antennas = np.eye(b) + 1.0
-        of_channels = np.diag(variance[there]) + variance[own]
-        square += np.sum(e * (np.linalg.solve(of_antennas, e) @ np.linalg.inv(of_channels)))
-        freedom += b * m
-    return square, freedom

@@ -71,6 +71,8 @@ gnss = { clock = { offset_s = 1 } }
     gnss.clock.offset_s: must be float <= 0.001, got 1
 gnss = { antenna_noise = [1, 2] }
     gnss.antenna_noise: must hold a factor for each of 8 antennas, got 2
+gnss = { rinex = '2.11' }
+    gnss.rinex: must be
 gnss = { choose = 3 }
     gnss.choose: must be int >= 4, got 3
 gnss = { choose = 'some' }

@@ -18,20 +18,14 @@ def load(folder, text):
     return load_scenario(path)
 
 
-@pytest.mark.parametrize("name", ["coast", "glider", "rocket", "tumble"])
-def test_flown_scenarios_come_with_their_vehicle(name):
-    scenario = load_scenario(SCENARIOS / f"{name}.toml")
-    assert scenario.flown is not None
-    assert scenario.flown.vehicle.body.mass_kg > 0
-
-
-@pytest.mark.parametrize("name", ["demo", "hour", "ramp", "spin", "approach"])
-def test_the_scenarios_that_come_along_are_valid(name):
-    scenario = load_scenario(SCENARIOS / f"{name}.toml")
-    assert scenario.name == name
-    assert scenario.gnss is not None
-    assert not scenario.gnss.navigation
-    assert scenario.antennas_b_m == PAPER_ANTENNAS_B_M
+@pytest.mark.parametrize("path", sorted(SCENARIOS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_scenario_that_is_shipped_loads_under_its_name_with_its_vehicle(path):
+    scenario = load_scenario(path)
+    assert scenario.name == path.stem
+    assert scenario.gnss is None or not scenario.gnss.navigation
+    assert scenario.flown is None or scenario.flown.vehicle.body.mass_kg > 0
+    if path.stem in ("demo", "hour", "ramp", "spin", "approach"):
+        assert scenario.antennas_b_m == PAPER_ANTENNAS_B_M
 
 
 def test_an_empty_file_is_a_minute_over_madrid_without_sensors(tmp_path):

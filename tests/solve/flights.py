@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import gtsam
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.build import KeyframeMeasurements, constant_priors, keyframe_priors
 from fgnav.graph.factors.array_phase import ArrayPhase
@@ -143,16 +144,9 @@ def part(problem: Problem, first: int, last: int) -> Problem:
         for name in ("poles_per_s", "variance_rad2ps2", "accelerometer_noise", "gyroscope_noise")
         if hasattr(motion, name)
     }
-    measurements = []
-    for one in problem.sensors:
-        inside = (one.row >= first) & (one.row <= last)
-        arrays = {
-            name: getattr(one, name)[inside]
-            for name in ("root", "minimum", "stretch", "value_n_m", "value_n_mps", "white",
-                         "measured_b_radps")
-            if getattr(one, name, None) is not None
-        }  # fmt: skip
-        measurements.append(replace(one, row=one.row[inside] - first, **arrays))
+    inside = np.zeros(len(problem.t_s), dtype=bool)
+    inside[rows] = True
+    measurements = [replace(one, row=one.row - first) for one in measured_at(problem, inside)]
     return Problem(
         t_s=problem.t_s[rows],
         start=problem.start.at(rows),
@@ -163,6 +157,18 @@ def part(problem: Problem, first: int, last: int) -> Problem:
         constants=problem.constants,
         attitude_known=problem.attitude_known[rows],
     )
+
+
+def measured_at(problem: Problem, keyframes: BoolArray) -> tuple[Any, ...]:
+    """The sensors of a problem with the measurements at some keyframes."""
+    names = ("row", "root", "minimum", "stretch", "value_n_m", "value_n_mps", "white",
+             "measured_b_radps")  # fmt: skip
+    measurements = []
+    for one in problem.sensors:
+        kept = keyframes[one.row]
+        arrays = {n: getattr(one, n)[kept] for n in names if getattr(one, n, None) is not None}
+        measurements.append(replace(one, **arrays))
+    return tuple(measurements)
 
 
 def sigmas_apart(one: Solution, other: Solution) -> float:

@@ -228,7 +228,7 @@ def test_a_failure_of_gtsam_is_put_in_words() -> None:
 
 def test_a_window_without_a_keyframe_has_nothing_to_say() -> None:
     with pytest.raises(NoSolutionError, match="window: it has no keyframe"):
-        FixedLag(1.0).newest()
+        FixedLag(1.0).latest()
 
 
 def test_without_a_lag_every_block_leaves_at_once() -> None:

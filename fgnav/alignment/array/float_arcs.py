@@ -48,7 +48,7 @@ class FloatArcs:
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
-        """What the stretches share: their elements, one after another."""
+        """Constants of the intervals without integers: nine elements each."""
         if not self.count:
             return ()
         n = ELEMENTS * self.count
@@ -175,7 +175,7 @@ def _beside(
 
 
 def _taken(differences: DoubleDifferences, rows: IntArray) -> DoubleDifferences:
-    """Return some epochs of differences."""
+    """Select epochs of the differences."""
     return replace(differences, **{name: getattr(differences, name)[rows] for name in _EPOCHS})
 
 

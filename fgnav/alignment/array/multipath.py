@@ -27,7 +27,7 @@ _KNOWN = 1e-10  # relative eigenvalue, as of forms
 
 
 def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
-    """Return what stays of the phases' errors at keyframes, and a note; None of white ones.
+    """Build the time-correlated phase error at keyframes, and a note; None of white errors.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def symmetric_root(information: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _kept(
     differences: DoubleDifferences, ranges_m: FloatArray, epoch: IntArray, basis: FloatArray
 ) -> FloatArray:
-    """Return what stays from keyframe to keyframe, (n - 1, q, q): see ``Multipath``."""
+    """Compute the transitions between keyframes, (n - 1, q, q); see ``Multipath``."""
     links: BoolArray = np.isfinite(ranges_m)
     information = RotationQuadratic.of_ranges(differences, ranges_m).information
     seen = np.flatnonzero(epoch >= 0)

@@ -1,4 +1,4 @@
-"""Where the reference antenna tracks nothing: the same flight as another antenna's differences.
+"""Replace the reference antenna by another one where it tracks nothing.
 
 Differences and code hang on the first antenna. While it is gone, another one can be the first: the
 flight with its antennas in another order is a flight like any other.
@@ -89,7 +89,7 @@ def _views(flight: Flight, *, causal: bool) -> Iterator[View]:
 
 
 def _by(flight: Flight, reference: int, rows: IntArray) -> Flight:
-    """Return some epochs of a flight with an antenna put first."""
+    """Select epochs of a flight and make an antenna the first one."""
     observations = flight.observations
     if observations is None:
         return flight

@@ -15,7 +15,7 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, skew
-from fgnav.gnss.clock_free import clock_free
+from fgnav.gnss.clock_free import range_information
 from fgnav.graph.types.parameters import Parameter
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.differences import DoubleDifferences
@@ -23,7 +23,6 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver, fixed_ranges_m
 
 _NOTHING = 1e-10  # relative eigenvalue: rounding
-AT_ONCE = 200  # epochs: 10 MB
 _ITERATIONS = 20
 _STEP_M = 1e-5
 _MISFIT = 4.0  # times the median: an epoch with wrong integers
@@ -81,23 +80,10 @@ def baseline_information(
     differences: DoubleDifferences, ranges_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return information, (n, 3 b, 3 b), and vector, (n, 3 b), of the baselines in ``n``."""
-    n, b, m = ranges_m.shape
-    information, vector = np.zeros((n, 3 * b, 3 * b)), np.zeros((n, 3 * b))
-    antenna = np.arange(b)
-    for first in range(0, n, AT_ONCE):
-        part = slice(first, first + AT_ONCE)
-        ranges = ranges_m[part]
-        seen = np.isfinite(ranges)
-        values = np.zeros((len(ranges), b + 1, m, b + 1, 3))  # those of the range stand last
-        values[:, antenna + 1, :, antenna] = -differences.e_n[part]
-        values[:, 1:, :, b, 0] = np.where(seen, ranges, 0.0)
-        of_all = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
-        columns = values.reshape(*values.shape[:3], -1)[..., : 3 * b + 1]
-        joint = clock_free(
-            differences.group, of_all, differences.phase_variance_m2[part], columns
-        ).normal
-        information[part], vector[part] = joint[:, :-1, :-1], joint[:, :-1, -1]
-    return information, vector
+    b = ranges_m.shape[1]
+    joint = range_information(differences, ranges_m, np.eye(b))
+    by_baseline = np.arange(3 * b).reshape(3, b).T.ravel()
+    return joint[:, by_baseline[:, None], by_baseline], joint[:, by_baseline, -1]
 
 
 def shape_at(
@@ -186,13 +172,13 @@ def initial_shape(
 
 
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
-    """Return which of the constants is the place of each antenna but the reference; -1 of none."""
-    places = {one.name: k for k, one in enumerate(constants)}
+    """Find the constant that is the position of each antenna but the reference; -1 of none."""
+    places = {constant.name: k for k, constant in enumerate(constants)}
     return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
 
 
 def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> FloatArray:
-    """Return how far antennas, (a,) of them, are from their places, (a, 3)."""
+    """Compute the errors of antenna positions, (a, 3)."""
     differences, ranges_m, attitude = fixed
     information, vector = baseline_information(differences, ranges_m)
     nominal = differences.baselines_b_m

@@ -73,7 +73,7 @@ class Integrated:
         self._gaps = np.concatenate([[0], np.cumsum(dt[:, 0] > LONGEST_GAP_S)])
 
     def covers(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (n,), are in the record before its first gap, or between gaps."""
+        """Select the times, (n,), that the record covers outside of its gaps."""
         row = np.searchsorted(self._t_s, t_s, side="right") - 1
         late_s = t_s - self._t_s[row.clip(0)]
         return np.asarray((row >= 0) & (late_s <= LONGEST_GAP_S))

@@ -124,14 +124,14 @@ def _fitted(
 
 
 def _stated(imu: Imu) -> FloatArray:
-    """Return what is stated of attitude and biases as information, (9, 9)."""
+    """Return the nominal information about attitude and biases, (9, 9)."""
     sigmas = (imu.gyroscope_bias_radps, imu.accelerometer_bias_mps2)
     information = [1 / sigma**2 if sigma else 0.0 for sigma in sigmas]
     return np.diag(np.repeat([0.0, *information], 3))
 
 
 def _rotation(imu: Imu, biases: FloatArray) -> ImuRotation | None:
-    """Return how the body turns, less the gyroscope's bias; None by too few samples."""
+    """Integrate the gyroscope's rates less its bias; None if there are too few samples."""
     if imu.w_b_radps is None:
         return None
     return imu_rotation(replace(imu, w_b_radps=imu.w_b_radps - biases[:3]))

@@ -58,7 +58,7 @@ class InMotion:
     bias_sigma_radps: float  # of what is left of it
 
     def at(self, which: IntArray) -> "InMotion":
-        """Return some of the windows."""
+        """Select windows."""
         rows: dict[str, Any] = {name: getattr(self, name)[which] for name in _Windows._fields}
         return replace(self, **rows)
 
@@ -79,7 +79,7 @@ class InMotion:
 
 
 class EarlierMotion(NamedTuple):
-    """What an alignment that goes on needs of its beginning, which is not kept."""
+    """Summary of earlier samples for an alignment that continues."""
 
     first_s: float  # epoch of the track
     step_s: float  # from there to the next
@@ -91,7 +91,7 @@ class EarlierMotion(NamedTuple):
     without_motion_s: float = np.inf  # since when a heading is known without motion
 
     def after(self, from_s: float, R_ub: FloatArray) -> "EarlierMotion":
-        """Return what is needed of it by samples after a time, the first of which is at R_ub.
+        """Return the part that later samples need, from a time on at which the attitude is R_ub.
 
         Of windows the first, for when the heading was known, and those that they may follow.
         """
@@ -144,7 +144,7 @@ def in_motion(
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
-    """Return the same, the gyroscope's bias taken out where headings get surer by it."""
+    """Remove the gyroscope's bias where this reduces heading variance."""
     first = in_motion(imu, track, gravity_n_mps2)
     if first is None or imu.w_b_radps is None or len(first.until_s) < 2:
         return first

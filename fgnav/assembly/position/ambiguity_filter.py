@@ -57,13 +57,13 @@ class Constraint(NamedTuple):
 
 
 class Ambiguities(NamedTuple):
-    """What is known of a block's A, in information form."""
+    """Ambiguities A of a block, in information form."""
 
     information: FloatArray = np.empty((0, 0))
     vector: FloatArray = np.empty(0)
 
     def led(self, block: ArcBlock) -> "Ambiguities":
-        """Return what is known of the next block's A."""
+        """Propagate the ambiguities to the next block."""
         B, A, right = block.before, block.after, block.right
         after, also = A.T @ A, A.T @ right
         if B.shape[1]:
@@ -75,11 +75,11 @@ class Ambiguities(NamedTuple):
         return Ambiguities((after + after.T) / 2, also)
 
     def measured(self, H: FloatArray, z: FloatArray) -> "Ambiguities":
-        """Return the same by rows ``H A = z`` of unit variance more."""
+        """Update the ambiguities by rows ``H A = z`` of unit variance."""
         return Ambiguities(self.information + H.T @ H, self.vector + H.T @ z)
 
     def constrained(self, one: Constraint) -> "Ambiguities":
-        """Return the same with a constraint on this block's arcs."""
+        """Update the ambiguities by a constraint on this block's arcs."""
         rows, right = one.whitened
         H = np.zeros((len(right), len(self.vector)))
         H[:, : len(one.arc)] = rows

@@ -1,4 +1,4 @@
-"""How antennas moved, at keyframes: phase, code and Doppler, or the receiver's own fixes."""
+"""Motion of antennas at keyframes, by phase, code and Doppler, or by a receiver's fixes."""
 
 from dataclasses import dataclass, replace
 from functools import partial, reduce
@@ -28,7 +28,7 @@ class AntennaMotion:
 
     @property
     def position(self) -> VectorSeries | None:
-        """Of the first antenna, where a search starts."""
+        """Position of the first antenna, where a search starts."""
         return self.positions[0][1] if self.positions else None
 
 
@@ -55,9 +55,9 @@ def antenna_motion(
     """
     if by is None:
         return _of_fixes(flight, imu, start.t_s)
-    first, *others = (_of_record(one, imu, start) for one in by.antennas)
+    first, *others = (_of_record(antenna, imu, start) for antenna in by.antennas)
     motion = reduce(partial(_completed_by, start=start), others, first)
-    count = sum(len(one.t_s) for one in flight.fixes)
+    count = sum(len(fixes.t_s) for fixes in flight.fixes)
     instead = (Unused(what="fix", reason="raw observations are used instead", count=count),)
     return replace(motion, unused=motion.unused + (instead if count else ()))
 

@@ -90,7 +90,7 @@ def with_integers(
     if not causal:
         for one in constraints:
             fixed[_first_with(names, one) : one.block + 1] = True
-    success = float(np.prod([one.success for one in constraints]))
+    success = float(np.prod([constraint.success for constraint in constraints]))
     out = _entered(blocks, names, constraints, causal=causal)
     return BaseIntegers(out, fixed, 1 - success, tuple(spans.values()))
 
@@ -111,7 +111,11 @@ def _note(
     for i in np.flatnonzero(np.diag(covariance) < _DETERMINED_CYCLES**2):
         a = int(D[i].argmax())
         arc, held = int(names.arc[a]), int(integers[i])
-        of_arc = [one.success for one in constraints if arc in one.arc[one.used]]
+        of_arc = [
+            constraint.success
+            for constraint in constraints
+            if arc in constraint.arc[constraint.used]
+        ]
         wrong = 1 - min(of_arc, default=1.0)
         span = spans.get((arc, held), ArcSpan(names.link[a], j, j, held, wrong))
         spans[arc, held] = span._replace(last=j, wrong=wrong)
@@ -163,10 +167,12 @@ def _entered(
 ) -> Sequence[ArcBlock]:
     """Return blocks with constraints."""
     changed: dict[int, ArcBlock] = {}
-    for one in constraints:
-        at = one.block + 1 if causal else _first_with(names, one)
+    for constraint in constraints:
+        at = constraint.block + 1 if causal else _first_with(names, constraint)
         if at < len(blocks):
-            changed[at] = _constrained(changed.get(at, blocks[at]), names[at], one, causal=causal)
+            changed[at] = _constrained(
+                changed.get(at, blocks[at]), names[at], constraint, causal=causal
+            )
     return OnDemand(len(blocks), lambda j: changed[j] if j in changed else blocks[j])
 
 

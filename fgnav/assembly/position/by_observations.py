@@ -1,4 +1,4 @@
-"""What a flight's raw observations tell by themselves, once for all problems of the same ones.
+"""Results of raw observations alone, computed once for all problems of a flight.
 
 A flight whose unit is louder, later or turned, or of which more is estimated, is another problem of
 the same integers and code: these take most of the time that an array's problem takes.
@@ -25,12 +25,12 @@ from fgnav.types.integers import Resolver
 # What observations know nothing of, and the noise, which is compared by its values.
 _INSTRUMENTS = ("imu", "fixes", "baselines", "photodetector", "barometer", "magnetometer")
 _OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
-_OWN = tuple(one.name for one in fields(Flight) if one.name not in _OTHERS)
+_OWN = tuple(field.name for field in fields(Flight) if field.name not in _OTHERS)
 _KEPT = 2  # an array as it is stated, and as its phases place its antennas
 
 
 class AntennaRecord(NamedTuple):
-    """What one antenna observed, without its attitude."""
+    """Observations of one antenna, independent of the attitude."""
 
     antenna: Antenna
     code: CodeSolution
@@ -77,7 +77,7 @@ class ByObservations:
         return tuple(records)
 
     def serves_for(self, other: "ByObservations") -> bool:
-        """Return whether another flight's observations, and what is made of them, are the same."""
+        """Return True if another flight's observations, and what is made of them, are the same."""
         ours, theirs = (
             (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
             for one in (self, other)
@@ -88,13 +88,13 @@ class ByObservations:
 
 
 class LastObservations:
-    """What observations told last: problems of the same ones, built one by one, share it."""
+    """Cache of the latest results, for problems of the same observations."""
 
     def __init__(self) -> None:
         self._last: tuple[ByObservations, ...] = ()
 
     def of(self, flight: Flight, settings: ProblemSettings) -> ByObservations | None:
-        """Return what a flight's observations tell; None without any."""
+        """Return the results of a flight's observations; None without any."""
         if flight.observations is None:
             return None
         new = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
@@ -104,7 +104,7 @@ class LastObservations:
 
 
 def _is_same(one: Any, other: Any) -> bool:  # noqa: ANN401  # parts of a flight
-    """Return whether two parts of flights have the same values."""
+    """Return True if two parts of flights have the same values."""
     if one is other:
         return True
     if type(one) is not type(other):

@@ -112,7 +112,7 @@ def gated(
 
 
 def _about(t_s: FloatArray, marked: BoolArray, *, causal: bool) -> BoolArray:
-    """Return which keyframes are within the reach of a median of a marked one."""
+    """Select the keyframes within a median's reach of a marked one."""
     total = np.concatenate([[0], np.cumsum(marked)])
     first = np.searchsorted(t_s, t_s - _AROUND_S)
     last = np.searchsorted(t_s, t_s + (0.0 if causal else _AROUND_S), side="right")
@@ -156,7 +156,7 @@ def _against_neighbours(
     *,
     causal: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return how far rejected values are off, (n,), 0 of the others; and the medians, (n, 3).
+    """Compute the errors of rejected values, (n,), 0 of the others; and the medians, (n, 3).
 
     ``track``, (n,), is the sigma of the inertial track; values of different pieces are not
     neighbours.
@@ -200,7 +200,7 @@ def _without(timed: VectorSeries, out: BoolArray) -> VectorSeries:
 
 
 def _listed(what: str, unit: str, antenna: str, t_s: FloatArray, off: FloatArray) -> list[Rejected]:
-    """Return what was taken out, runs of neighbours together."""
+    """List the rejected values, neighbours as one interval."""
     edges = np.diff(np.concatenate([[False], off > 0, [False]]).astype(np.int8))
     first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     return [

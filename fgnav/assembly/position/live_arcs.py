@@ -140,7 +140,7 @@ def _goes_on(
     number: dict[str, int],
     so_far: tuple[LiveBlock | None, int],
 ) -> EarlierArcs | None:
-    """Return what phases of epochs to come need of those up to the last one."""
+    """Return the arcs that later epochs need, as of the last one."""
     live, blocks = so_far
     if not at or live is None:
         return None
@@ -168,7 +168,7 @@ def _seen(of: NumberedArcs, i: int, before: _Seen | None) -> _Seen:
 
 
 def _goes_on_in(of: NumberedArcs, i: int, live: LiveBlock, seen: _Seen) -> bool:
-    """Return whether a block has the arcs of an epoch, and all satellites with code alone."""
+    """Return True if a block has the arcs of an epoch, and all satellites with code alone."""
     is_live = np.isin(of.satellite[seen.coded], live.satellite)
     return np.array_equal(of.arc[i, seen.channel], live.arc) and bool(is_live.all())
 
@@ -192,7 +192,7 @@ def _channels(of: NumberedArcs, i: int) -> tuple[IntArray, IntArray]:
 
 
 def _freedom(of: NumberedArcs, channel: IntArray) -> int:
-    """Return how many combinations of channels have no clock."""
+    """Count the combinations of channels that are free of clocks."""
     return len(channel) - len(set(of.of.group[channel].tolist()))
 
 
@@ -222,7 +222,7 @@ class _Measured(NamedTuple):
     channels: Channels
 
     def is_of(self, live: LiveBlock, coded: IntArray) -> bool:
-        """Return whether channels of another block are the same."""
+        """Return True if another block has the same channels."""
         same = (self.live.channel, live.channel), (self.live.satellite, live.satellite)
         return all(np.array_equal(*pair) for pair in (*same, (self.coded, coded)))
 
@@ -242,7 +242,7 @@ def _measured(
 
 
 def _epoch(of: NumberedArcs, i: int, measured: _Measured, age_s: float) -> Epoch:
-    """Return what an epoch measures: phases, and codes without phase."""
+    """Build the channels of an epoch: phases, and codes without phase."""
     channel, is_code, gnss = measured.of_all, measured.is_code, of.of
     e_n, measured_m = gnss.e_n[i, channel], of.phase_m[i, channel]
     sigma_m = gnss.phase_sigma_m[i, channel]
@@ -256,14 +256,14 @@ def _epoch(of: NumberedArcs, i: int, measured: _Measured, age_s: float) -> Epoch
 
 
 def _places(of: NumberedArcs, live: LiveBlock, channel: IntArray) -> IntArray:
-    """Return which of a block's satellites channels are of, (c,)."""
+    """Find the satellite of each channel among a block's, (c,)."""
     return np.searchsorted(live.satellite, of.satellite[channel])
 
 
 def _transition(
     of: NumberedArcs, blocks: tuple[LiveBlock | None, LiveBlock], i: int, row: int
 ) -> Transition:
-    """Return what leads to a block from the one before, and its first epoch's code.
+    """Build the transition to a block from the previous one, with its first epoch's code.
 
     Phase less code is free of geometry and of what stays with satellites: it determines ambiguities
     but for a clock, common to all, that turns of the antenna wind up.
@@ -314,7 +314,7 @@ def _codes(of: NumberedArcs, live: LiveBlock, i: int) -> Epoch:
 
 
 def _sources(before: LiveBlock, after: LiveBlock) -> IntArray:
-    """Return which of A each of A' goes on from, (d',); -1: from none."""
+    """Find the element of A that each of A' continues, (d',); -1 of none."""
     source = np.full(after.size, -1)
     (b, p), (c, s) = before.sizes, after.sizes
     _, new, old = np.intersect1d(after.arc, before.arc, return_indices=True)

@@ -1,4 +1,4 @@
-"""What antennas observed at keyframes, arcs numbered through, and what goes on of it."""
+"""Observations of antennas at keyframes, with arcs numbered consecutively."""
 
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ class Observed(NamedTuple):
 
 
 class NumberedArcs(NamedTuple):
-    """What antennas observed, arcs and satellites numbered through."""
+    """Observations of antennas, arcs and satellites numbered consecutively."""
 
     of: Undifferenced
     phase_m: FloatArray  # (n, m), less what is taken off each arc, and less the wind-up
@@ -57,7 +57,7 @@ class LiveBlock(NamedTuple):
 
 
 class EarlierArcs(NamedTuple):
-    """What phases that go on need of epochs that are not kept."""
+    """Arcs of earlier epochs that later phases need."""
 
     t_s: float  # epoch up to which they have become rows
     links: dict[tuple[str, str], tuple[int, float, float]]  # arc, what is taken off, cycles wound
@@ -74,7 +74,7 @@ def numbered(
     R_nb: FloatArray,
     earlier: EarlierArcs | None,
 ) -> NumberedArcs:
-    """Return what an antenna observed, its arcs numbered from ``first`` on.
+    """Return an antenna's observations, their arcs numbered from ``first`` on.
 
     Phase less code of each arc's first epoch is taken off, so that numbers are small.
     """

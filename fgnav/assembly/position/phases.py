@@ -79,7 +79,7 @@ def antenna_phase(
         replace(phase, blocks=resolved.blocks),
         live.goes_on,
         _notes(live, resolved),
-        tuple(_reported(one, spans_s) for one in resolved.arcs),
+        tuple(_reported(arc, spans_s) for arc in resolved.arcs),
         tuple(rejections),
     )
 
@@ -95,14 +95,14 @@ def _parted(
     j, i = resolved.at
     k = live.row[live.block.index(j) + i]
     names, out, noted = live.names[j], list(observed), []
-    for one in resolved.slips:
-        link = names.link[one.arc]
+    for slip in resolved.slips:
+        link = names.link[slip.arc]
         for place, part in enumerate(out):
             channels = zip(part.of.satellites, part.of.signals, strict=True)
             labels = [f"{part.antenna} {satellite} {signal}" for satellite, signal in channels]
             epoch = part.epoch[part.row == k]
             if link in labels and len(epoch):
-                of = _begun_again(part.of, labels.index(link), int(epoch[0]), one.cycles)
+                of = _begun_again(part.of, labels.index(link), int(epoch[0]), slip.cycles)
                 out[place] = part._replace(of=of)
         noted.append(
             Rejected(
@@ -110,7 +110,7 @@ def _parted(
                 link=link,
                 from_s=float(t_s[k]),
                 until_s=float(t_s[k]),
-                reason=f"slipped by {one.cycles:+.1f} cycles: its arc begins again",
+                reason=f"slipped by {slip.cycles:+.1f} cycles: its arc begins again",
             )
         )
     return tuple(out), noted

@@ -24,7 +24,7 @@ class VectorSeries:
         return np.isfinite(self.value[:, 0])
 
     def white(self, rows: IntArray) -> FloatArray:
-        """Return what whitens the values of some keyframes, (k, 3, 3); 0 where there is none."""
+        """Compute whitening matrices at keyframes, (k, 3, 3); 0 where nothing is measured."""
         valid, white = np.isfinite(self.value[rows, 0]), np.zeros((len(rows), 3, 3))
         if self.partial is not None:
             white += self.partial[rows]

@@ -21,11 +21,11 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 
 class Channels(NamedTuple):
-    """Which of A = (ambiguities, errors of satellites, their rates) c channels measure.
+    """Indices of c channels into A = (ambiguities, errors of satellites, their rates).
 
     Clock after clock.
     """
@@ -38,12 +38,12 @@ class Channels(NamedTuple):
 
     @property
     def freedom(self) -> int:
-        """How many rows clocks leave."""
+        """Number of rows that are free of clocks."""
         return len(self.clock) - (1 + int(self.clock[-1]) if len(self.clock) else 0)
 
 
 class Epoch(NamedTuple):
-    """What channels measure at an epoch."""
+    """Measurements of the channels at an epoch."""
 
     channels: Channels
     seen: FloatArray  # (c, 4), direction away from the satellite, then metres
@@ -56,7 +56,7 @@ class Epoch(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """How the A' of a block follows from the A of the one before, and its first epoch's codes."""
+    """Transition from A of the previous block to A' of a block, with its first epoch's codes."""
 
     begin_row: int
     sigma: FloatArray  # (d',), of what is added; of A' where nothing leads to it
@@ -111,7 +111,7 @@ def _whitened(
     return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
 
 
-@inlined
+@kernel
 def _derivatives(
     ambiguity: IntArray,
     satellite: IntArray,
@@ -119,7 +119,7 @@ def _derivatives(
     satellites: int,
     age_s: float,
 ) -> FloatArray:
-    """Return how measurements change with A, (c, d), so long after their block began."""
+    """Compute the derivatives of measurements by A, (c, d), at a time since their block began."""
     A = np.zeros((len(ambiguity), ambiguities + 2 * satellites))
     for i in range(len(ambiguity)):
         if ambiguity[i] >= 0:

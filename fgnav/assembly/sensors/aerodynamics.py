@@ -1,4 +1,4 @@
-"""When fins hold a body's nose in the wind: as often as its sideslip is another one."""
+"""Aerodynamic angles of a finned body, at times at which they are independent."""
 
 import numpy as np
 

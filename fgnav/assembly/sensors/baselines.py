@@ -23,13 +23,13 @@ def baselines(
     """
     parts: list[BaselineVector] = []
     unused: list[Unused] = []
-    for one in flight.baselines:
-        if not len(one.t_s):
+    for baseline in flight.baselines:
+        if not len(baseline.t_s):
             continue
-        at, same = nearest(one.t_s, t_s)
+        at, same = nearest(baseline.t_s, t_s)
         row = np.flatnonzero(same)
-        parts.append(_rows(body_baseline(flight, one), at[row], row))
-        unused += unmatched(f"baseline {' to '.join(one.antennas)}", len(one.t_s), same)
+        parts.append(_rows(body_baseline(flight, baseline), at[row], row))
+        unused += unmatched(f"baseline {' to '.join(baseline.antennas)}", len(baseline.t_s), same)
     return tuple(parts), tuple(unused)
 
 

@@ -24,7 +24,7 @@ from fgnav.types.flight import Flight
 
 
 class Instrument(NamedTuple):
-    """What one instrument measured at keyframes, if anything."""
+    """Measurements of one instrument at keyframes, if any."""
 
     sensor: Sensor | None = None
     constants: tuple[Parameter, ...] = ()
@@ -32,7 +32,7 @@ class Instrument(NamedTuple):
 
 
 class Instruments(NamedTuple):
-    """What all of them measured."""
+    """Measurements of all instruments."""
 
     sensors: tuple[Sensor, ...]
     constants: tuple[Parameter, ...]
@@ -40,14 +40,14 @@ class Instruments(NamedTuple):
 
     @property
     def is_landmark_seen(self) -> bool:
-        """Whether there is a line of sight."""
+        """True if there is a line of sight."""
         return any(LANDMARK in sensor.parameters for sensor in self.sensors)
 
 
 def instruments(
     flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
 ) -> Instruments:
-    """Return what the instruments of a flight measure at keyframes, (n,).
+    """Build the instruments' measurements at keyframes, (n,).
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ class Rest:
         return cls(t_s[stands.row], causal)
 
     def contains(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (n,), are at rest; causal: the last of each second."""
+        """Select the times, (n,), at standstill; causal: the last of each second."""
         if not len(self.until_s):
             return np.zeros(len(t_s), dtype=np.bool_)
         after = np.searchsorted(self.until_s, t_s - _SAME_S)

@@ -1,4 +1,4 @@
-"""What the gyroscope of a wheeled vehicle reads while it stands: means of seconds, and their sigma.
+"""Gyroscope of a wheeled vehicle at standstill: means of seconds, and their sigma.
 
 Wheels do not let a vehicle turn that does not roll. Means of seconds at rest that follow one
 another differ by noise alone: half their mean square is its variance, of each axis, whatever a data

@@ -1,4 +1,4 @@
-"""When a body stands still: seconds as quiet as those in which GNSS measured no velocity.
+"""Detect standstill: seconds as quiet as those in which GNSS measured no velocity.
 
 Of a window of a second there are two statistics. That of stance detectors [1]_ about the window's
 own means, which gravity, biases and inclination leave unknown,
@@ -139,7 +139,7 @@ def _moments(record: Bridged, until_s: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _measured(antenna: AntennaMotion, t_s: FloatArray, row: IntArray) -> _Measured:
-    """Return what GNSS measured of velocities in the windows before rows."""
+    """Sum up the GNSS velocities in the windows before rows."""
     at, v, C = _velocities(antenna, t_s, row)
     whitened = np.einsum("ki,ki->k", v, np.linalg.solve(C, v[:, :, None])[:, :, 0])
     first = np.searchsorted(t_s, t_s[row] - WINDOW_S + _SAME_S, side="right")
@@ -180,7 +180,7 @@ def _velocities(
 def _is_quiet(
     moment: FloatArray, white: FloatArray, at_rest: BoolArray, *, causal: bool
 ) -> BoolArray:
-    """Return which windows, (m,), have moments, (m, d), as small as at rest; causal: before them.
+    """Select windows, (m,), with moments, (m, d), as small as at standstill; causal: up to then.
 
     An axis has degrees of freedom ``white``, (m,), in white noise.
     """

@@ -1,4 +1,4 @@
-"""When wheels constrain a vehicle not to move to the side: once a second while it is on them.
+"""Constraints of wheels on lateral velocity, once a second.
 
 Tyres slip for a second or so at a time; more often the same slip would be counted again and again.
 """

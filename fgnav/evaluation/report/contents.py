@@ -14,6 +14,7 @@ from fgnav.evaluation.report.sections.facts import (
 )
 from fgnav.evaluation.report.sections.motion import motion_charts, rate_and_bias_charts
 from fgnav.evaluation.report.sections.receivers import receiver_blocks
+from fgnav.evaluation.report.sections.satellites import satellite_blocks
 from fgnav.evaluation.report.sections.signals import sky_charts
 from fgnav.evaluation.report.summary import method_table, remarks
 from fgnav.types.flight import Flight
@@ -48,13 +49,14 @@ def comparison_report(
     simulated = "" if seed is None else f" The flight was simulated with seed {seed}."
     seeds = f"No method here draws random numbers.{simulated}"
     constants = rate_and_bias_charts(flight, solved, time) + constants_table(solved)
+    signals = sky_charts(flight, time) + satellite_blocks(flight, comparison)
     parts = (
         ("summary", "Summary", [method_table(comparison), *note, *in_short]),
         ("errors", "Errors", error_charts(solved, time)),
         ("motion", "Motion", motion_charts(flight, solved, time)),
         ("sigmas", "Stated uncertainty", sigma_charts(flight, solved, time)),
         ("receivers", "Residuals of fixes and baselines", receiver_blocks(flight, solved, time)),
-        ("sky", "Sky and signals", sky_charts(flight, time)),
+        ("sky", "Sky and signals", signals),
         ("integers", "Integers", integer_blocks(flight, comparison, time)),
         ("exclusions", "Gaps and exclusions", gaps_and_exclusions(flight, comparison.methods)),
         ("consistency", "Consistency", consistency_blocks(solved, time)),

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.gnss.cycle_slips.detection import FINE, NOT_TESTED, SLIP
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 SIGNIFICANT = 4.5  # sigmas a step must reach …
 LEAST_CYCLES = 0.25  # … and cycles: the smallest slip is half a cycle, multipath moves less
@@ -61,7 +61,7 @@ def judge(
             _snoop(steps, int(count), verdict[k, i])
 
 
-@inlined
+@kernel
 def _snoop(steps: _Steps, count: int, verdict: IntArray) -> None:
     """Take out the worst of ``count`` steps while it is a slip; write verdicts by channel.
 
@@ -83,7 +83,7 @@ def _snoop(steps: _Steps, count: int, verdict: IntArray) -> None:
         _swap(steps, worst, count)
 
 
-@inner
+@kernel
 def _residual(steps: _Steps, x: FloatArray, row: int) -> float:
     """Return what the fit leaves of a step."""
     left: float = steps.y_m[row]
@@ -92,7 +92,7 @@ def _residual(steps: _Steps, x: FloatArray, row: int) -> float:
     return left
 
 
-@inner
+@kernel
 def _of_fit(steps: _Steps, cofactor: FloatArray, i: int, j: int) -> float:
     """Return the covariance of the steps that the fit expects of two rows."""
     total = 0.0
@@ -102,7 +102,7 @@ def _of_fit(steps: _Steps, cofactor: FloatArray, i: int, j: int) -> float:
     return total
 
 
-@inner
+@kernel
 def _swap(steps: _Steps, i: int, j: int) -> None:
     for p in range(_UNKNOWNS):
         steps.A[i, p], steps.A[j, p] = steps.A[j, p], steps.A[i, p]
@@ -111,7 +111,7 @@ def _swap(steps: _Steps, i: int, j: int) -> None:
     steps.channel[i], steps.channel[j] = steps.channel[j], steps.channel[i]
 
 
-@inner
+@kernel
 def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool:
     """Weighted least squares of the first ``count`` rows; False if the geometry is singular."""
     pull = _normal(steps, count, cofactor)
@@ -138,7 +138,7 @@ def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool
     return True
 
 
-@inlined
+@kernel
 def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     """Write the normal matrix, return its right-hand side; loops, which compile quickly."""
     A, pull = steps.A, np.zeros(_UNKNOWNS)
@@ -154,7 +154,7 @@ def _normal(steps: _Steps, count: int, matrix: FloatArray) -> FloatArray:
     return pull
 
 
-@inlined
+@kernel
 def _worst(
     steps: _Steps, count: int, x: FloatArray, cofactor: FloatArray, verdict: IntArray
 ) -> int:

@@ -163,7 +163,7 @@ class AntennaPhase:
         return linear_factor(terms, one.right - np.sum(along, axis=0))
 
     def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
-        """Return the same as a factor of GTSAM's nonlinear graphs."""
+        """Build the transition to a block as a factor of GTSAM's nonlinear graphs."""
         one, point = self.blocks[block - self.first_block], gtsam.Values()
         point.insert(keys.arcs(block), np.zeros(one.size))
         if one.before.shape[1]:
@@ -172,11 +172,11 @@ class AntennaPhase:
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""
-        ends = [one.begin_row - 1 for one in self.blocks[1:]] + [last]
+        ends = [block.begin_row - 1 for block in self.blocks[1:]] + [last]
         return {k: (j,) for j, k in enumerate(ends[: len(self.blocks)])}
 
     def on(self, row: IntArray) -> "AntennaPhase":
-        """Return the same at other rows, (k,): of a timeline with more keyframes."""
+        """Move the phases to other keyframes, (k,), of a finer timeline."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
         return replace(self, row=row, blocks=_begun_at(self.blocks, of))
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import States
@@ -64,11 +64,11 @@ class ArrayPhase(SensorRows):
         freeze(self.name, self, shapes)
         freeze(self.name, self, {"row": (k,), "stretch": (k,)}, dtype=int)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of epochs ``indices``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
-                *contiguous(at, which),
+                *contiguous(at, indices),
                 self.root,
                 self.minimum,
                 self._element_column,
@@ -98,17 +98,17 @@ class ArrayPhase(SensorRows):
 @kernel
 def _kernel(
     at: States,
-    which: IntArray,
+    indices: IntArray,
     root: FloatArray,
     minimum: FloatArray,
     element_column: IntArray,
     share: FloatArray,
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 9)
+    value, state, shared = room(at, indices, 9)
     apart = np.empty(9)
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
+    for k in range(len(indices)):
+        i, R = indices[k], at.R_nb[k]
         first, white, q = element_column[i], 1 / np.sqrt(1 - share[i]), basis.shape[1]
         for e in range(9):
             apart[e] = R[e // 3, e % 3] - minimum[i, e // 3, e % 3]

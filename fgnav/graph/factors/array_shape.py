@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.geometry.rotations import skew
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows
 from fgnav.graph.types.states import ROTATION, States
 
@@ -53,19 +53,19 @@ class ArrayShape(SensorRows):
         """Names of the constants c_i."""
         return tuple(f"antenna {name}" for name in self.antennas)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of epochs ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of epochs ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
         columns = [self.constants.columns(name) for name in self.parameters]
-        root, arms_b_m = self.root[which], self.baselines_b_m.copy()
+        root, arms_b_m = self.root[indices], self.baselines_b_m.copy()
         for a, column in enumerate(columns):
             if column.stop:
                 arms_b_m[a] += at.constants[column]
                 shared[:, :, column] = root[:, :, 3 * a : 3 * a + 3] @ at.R_nb
-        apart_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[which]
-        by_turn = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(which), -1, 3)
+        apart_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[indices]
+        by_turn = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(indices), -1, 3)
         state[:, :, ROTATION] = root @ by_turn
-        value = np.einsum("kmi,ki->km", root, apart_m.reshape(len(which), -1))
+        value = np.einsum("kmi,ki->km", root, apart_m.reshape(len(indices), -1))
         return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:

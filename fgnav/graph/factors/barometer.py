@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.geometry.rotations import skew
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import POSITION, ROTATION, States
 
@@ -46,17 +46,17 @@ class BarometricHeight(SensorRows):
         freeze(self.name, self, {"node": self.row.shape}, dtype=int)
         positive("barometric height sigma_m", self.sigma_m)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of heights ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of heights ``indices``, (j,); see ``Sensor``."""
         down_b = at.R_nb[:, 2]
-        value = at.p_n_m[:, 2] + down_b @ self.arm_b_m - self.down_n_m[which]
+        value = at.p_n_m[:, 2] + down_b @ self.arm_b_m - self.down_n_m[indices]
         state, shared = self.derivatives(at)
         state[:, 0, ROTATION] = -down_b @ skew(self.arm_b_m)
         state[:, 0, POSITION] = down_b
         offset = self.constants.columns(OFFSET)
         if offset.stop:
-            after, k = self.share[which], np.arange(len(which))
-            first = offset.start + self.node[which]
+            after, k = self.share[indices], np.arange(len(indices))
+            first = offset.start + self.node[indices]
             second = np.minimum(first + 1, offset.stop - 1)
             shared[k, 0, first] = after - 1.0
             shared[k, 0, second] -= after

@@ -60,11 +60,11 @@ class Directions:
         return np.flatnonzero(np.isfinite(self.e_b[:, 0]))
 
     def __getitem__(self, rows: IntArray | BoolArray) -> "Directions":
-        """Return some of them."""
+        """Select directions."""
         return Directions(e_b=self.e_b[rows], across_b=self.across_b[rows])
 
     def scatter(self, rows: IntArray, n: int) -> "Directions":
-        """Return them among n keyframes, of which ``rows`` are those so far."""
+        """Spread the directions over n keyframes, of which ``rows`` have one."""
         e_b, across_b = np.full((n, 3), np.nan), np.zeros((n, 2, 3))
         e_b[rows], across_b[rows] = self.e_b, self.across_b
         return Directions(e_b=e_b, across_b=across_b)
@@ -79,7 +79,7 @@ def across(e: FloatArray) -> FloatArray:
 
 
 class Seen(NamedTuple):
-    """What an instrument that is turned a little in the body sees of unit vectors, (k,)."""
+    """Unit vectors, (k,), as measured by an instrument with a small misalignment."""
 
     value: FloatArray  # (k, 2): whitened, across the measured directions
     across_b: FloatArray  # (k, 2, 3): whitening rows in axes of the body

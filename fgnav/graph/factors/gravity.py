@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.directions import native, seen
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, States
 
@@ -31,14 +31,14 @@ class Gravity(SensorRows):
     # Whitening rows of the measured unit vectors; see ``Directions``.
     across_b: FloatArray  # (k, 2, 3)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of directions ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
-        u_b = np.einsum("kji,kj->ki", at.R_nb, self.known_n[which])
+        u_b = np.einsum("kji,kj->ki", at.R_nb, self.known_n[indices])
         tilt, tilt_rad = self.constants.columns(TILT), np.zeros(3)
         if tilt.stop:
             tilt_rad[:2] = at.constants[tilt]
-        view = seen(self.across_b[which], u_b, tilt_rad)
+        view = seen(self.across_b[indices], u_b, tilt_rad)
         state[:, :, ROTATION] = view.by_turn
         shared[:, :, tilt] = view.by_tilt[:, :, : tilt.stop - tilt.start]
         return Linearised(view.value, state, shared)

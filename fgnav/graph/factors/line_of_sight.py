@@ -14,7 +14,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph.factors.directions import flattened, seen
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import POSITION, ROTATION, States
 
@@ -33,8 +33,8 @@ class LineOfSight(SensorRows):
     # Whitening rows of the measured unit vectors; see ``Directions``.
     across_b: FloatArray  # (k, 2, 3)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of directions ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
         landmark, boresight = map(self.constants.columns, self.parameters)
         R_bn, tilt_rad = transpose(at.R_nb), np.zeros(3)
@@ -42,7 +42,7 @@ class LineOfSight(SensorRows):
             tilt_rad[1:] = at.constants[boresight]
         way_b_m = np.einsum("kij,kj->ki", R_bn, at.constants[landmark] - at.p_n_m)
         u_b, by_way = flattened(way_b_m)
-        view = seen(self.across_b[which], u_b, tilt_rad)
+        view = seen(self.across_b[indices], u_b, tilt_rad)
         by_place_b = view.across_b @ by_way
         state[:, :, ROTATION], state[:, :, POSITION] = view.by_turn, -by_place_b
         shared[:, :, landmark] = by_place_b @ R_bn

@@ -21,7 +21,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.directions import flattened, native
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, States
 
@@ -41,13 +41,13 @@ class MagneticField(SensorRows):
     across_b: FloatArray  # (k, 2, 3)
     field_n_ut: FloatArray  # (3,): m_n, of the Earth
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of directions ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of directions ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
         iron = self.constants.columns(HARD_IRON)
         earth_b_ut = np.einsum("kji,j->ki", at.R_nb, self.field_n_ut)
         u_b, by_field = flattened(earth_b_ut + (at.constants[iron] if iron.stop else 0.0))
-        value, across_b = _lengthened(self.across_b[which], u_b)
+        value, across_b = _lengthened(self.across_b[indices], u_b)
         by_iron = across_b @ by_field
         state[:, :, ROTATION] = by_iron @ skew(earth_b_ut)
         shared[:, :, iron] = by_iron[:, :, : iron.stop - iron.start]

@@ -18,7 +18,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
@@ -42,11 +42,11 @@ class Position(SensorRows):
     white: FloatArray  # (k, 3, 3)
     arm_b_m: FloatArray  # (3,): from the accelerometer to the antenna
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of positions ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of positions ``indices``, (j,); see ``Sensor``."""
         return Linearised._make(
             _kernel(
-                *contiguous(at, which),
+                *contiguous(at, indices),
                 self.value_n_m,
                 self.white,
                 self.arm_b_m,
@@ -65,20 +65,20 @@ class Position(SensorRows):
 @kernel
 def _kernel(
     at: States,
-    which: IntArray,
+    indices: IntArray,
     value_n_m: FloatArray,
     whites: FloatArray,
     arm_b_m: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 3)
+    value, state, shared = room(at, indices, 3)
     arm, apart = arm_b_m.copy(), np.empty(3)
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
+    for k in range(len(indices)):
+        i, R = indices[k], at.R_nb[k]
         white = whites[i]
         turned, at_antenna = rot.product(white, R), rot.times(R, arm)
         by_turn = rot.product(turned, cross)

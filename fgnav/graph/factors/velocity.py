@@ -20,11 +20,11 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import States
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 _NO_GYROSCOPE = np.empty((0, 3))
 _NO_GYROSCOPE.flags.writeable = False  # the type that the kernel is compiled for
@@ -55,12 +55,12 @@ class Velocity(SensorRows):
     measured_b_radps: FloatArray | None  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of velocities ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of velocities ``indices``, (j,); see ``Sensor``."""
         measured = self.measured_b_radps
         return Linearised._make(
             _kernel(
-                *contiguous(at, which),
+                *contiguous(at, indices),
                 self.value_n_mps,
                 self.white,
                 _NO_GYROSCOPE if measured is None else measured,
@@ -82,7 +82,7 @@ class Velocity(SensorRows):
 @kernel
 def _kernel(
     at: States,
-    which: IntArray,
+    indices: IntArray,
     value_n_mps: FloatArray,
     whites: FloatArray,
     measured_b_radps: FloatArray,
@@ -90,14 +90,14 @@ def _kernel(
     earth_rate_n_radps: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, which, 3)
+    value, state, shared = room(at, indices, 3)
     arm, apart, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
     cross = rot.skew(arm)
-    for k in range(len(which)):
-        i, R = which[k], at.R_nb[k]
+    for k in range(len(indices)):
+        i, R = indices[k], at.R_nb[k]
         # A state of the rate is that against n, a gyroscope's that against inertial space.
         earth_b = rot.scaled(rot.times(rot.transposed(R), earth_rate_n_radps), (1.0 - sign) / 2)
         rate = _relative_rate(at.aux[k], measured_b_radps, i, earth_b)
@@ -123,7 +123,7 @@ def _kernel(
     return value, state, shared
 
 
-@inlined
+@kernel
 def _relative_rate(
     aux: FloatArray, measured_b_radps: FloatArray, i: int, earth_b: FloatArray
 ) -> FloatArray:

@@ -185,7 +185,7 @@ class GyroFree:
         """Nothing of an interval is kept."""
 
     def noise_parts(self, of: slice = EVERY) -> NoiseParts:
-        """Return what the accelerometer's noise and its bias's walk are of the whitened rows.
+        """Compute the shares of the accelerometer's noise and bias walk in the whitened rows.
 
         Of the position's rows the integration's noise is the rest; intervals of another noise than
         the accelerometer's, gaps, are not divided.
@@ -220,13 +220,13 @@ class GyroFree:
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
     ) -> "GyroFree":
-        """Return the same with more white noise, (n - 1,), (m/s2)^2/Hz; there is no gyroscope."""
+        """Add white noise of the accelerometer, (n - 1,), (m/s2)^2/Hz; there is no gyroscope."""
         del gyroscope_density
         noise = self.accelerometer_noise + accelerometer_density
         return replace(self, accelerometer_noise=noise)
 
     def at_times(self, t_s: FloatArray) -> "GyroFree":
-        """Return the same motion between other keyframes, (m,), the present ones among them.
+        """Build the motion between other keyframes, (m,), the present ones among them.
 
         An interval has the process and the noise of the one that its middle is in.
         """
@@ -244,7 +244,7 @@ class GyroFree:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Buffer:
-    """Where factors put their states and derivatives, one after another: GTSAM copies both."""
+    """Buffer of states and derivatives that all factors share: GTSAM copies both."""
 
     before: Rows
     after: Rows
@@ -266,10 +266,10 @@ class _Buffer:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _IntervalError:
-    """What GTSAM calls for the residual of one interval, and for its derivatives by each key."""
+    """Error function of one interval, which GTSAM calls, with derivatives by each key."""
 
     intervals: Intervals
-    which: IntArray  # (1,)
+    indices: IntArray  # (1,)
     names: tuple[int, ...]
     buffer: _Buffer
 
@@ -284,7 +284,7 @@ class _IntervalError:
         _read(room.before, values, names[0], names[1], names[2])
         _read(room.after, values, names[3], names[4], names[5])
         room.mean[:] = values.atVector(names[6])
-        kernel.linearise(self.which, self.intervals, room.before, room.after, room.mean, room.out)
+        kernel.linearise(self.indices, self.intervals, room.before, room.after, room.mean, room.out)
         if jacobians is not None:
             for i, block in enumerate(room.blocks):
                 jacobians[i] = block
@@ -317,12 +317,12 @@ def _contiguous(values: FloatArray) -> FloatArray:
     return values if values.flags.carray else np.require(values, np.float64, ["C", "W"])
 
 
-def _indices(which: IntArray) -> IntArray:
-    return which if which.flags.carray else np.require(which, np.int64, ["C", "W"])
+def _indices(indices: IntArray) -> IntArray:
+    return indices if indices.flags.carray else np.require(indices, np.int64, ["C", "W"])
 
 
 def _force_white(span_s: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return what whitens velocity and position of intervals, (n - 1, 3).
+    """Compute the whitening of velocity and position of intervals, (n - 1, 3).
 
     White specific force of density q leaves the covariance ``q (T, T^2/2, T^3/3)``: of velocity, of
     both, of position, which has the integration's own noise beside. Velocity v is multiplied by the

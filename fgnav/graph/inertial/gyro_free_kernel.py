@@ -14,7 +14,7 @@ from fgnav.graph.inertial.path_kernel import (
     integrate,
     turn,
 )
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 ROWS = 21  # rotation, position, velocity, accelerometer bias, rate and its two derivatives
 # After them stand those of the array's lasting error, q: D is 21 + q.
@@ -30,7 +30,7 @@ class Rows(NamedTuple):
 
 
 class Filled(NamedTuple):
-    """Where whitened residuals and derivatives of j intervals go; as ``LinearisedMotion``."""
+    """Output arrays for residuals and derivatives of j intervals, as ``LinearisedMotion``."""
 
     value: FloatArray  # (j, D, 1)
     before: FloatArray  # (j, D, D)
@@ -40,13 +40,13 @@ class Filled(NamedTuple):
 
 @kernel
 def linearise(
-    which: IntArray, of: Intervals, before: Rows, after: Rows, mean: FloatArray, out: Filled
+    indices: IntArray, of: Intervals, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
     """Fill whitened residuals of intervals, (j,), and their derivatives.
 
     Parameters
     ----------
-    which : ndarray of int, shape (j,)
+    indices : ndarray of int, shape (j,)
     of : Intervals
     before, after : Rows
         States of the j intervals' ends.
@@ -55,8 +55,8 @@ def linearise(
     out : Filled
     """
     path = empty_path()
-    for row in range(len(which)):
-        k = which[row]
+    for row in range(len(indices)):
+        k = indices[row]
         _clear(row, out)
         turn(before.R_nb[row], after.R_nb[row], path)
         integrate(of, k, before.aux[row], after.aux[row], path)
@@ -72,11 +72,11 @@ def linearise(
 
 
 @kernel
-def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, after: Rows) -> None:
+def predict(indices: IntArray, of: Intervals, before: Rows, mean: FloatArray, after: Rows) -> None:
     """Fill the states that intervals, (j,), lead to: the mean of the process, forces integrated."""
     path = empty_path()
-    for row in range(len(which)):
-        k = which[row]
+    for row in range(len(indices)):
+        k = indices[row]
         T, x, y = of.span_s[k], before.aux[row], after.aux[row]
         _lead_lasting(of.lasting[k], x, y)
         for i in range(3):
@@ -108,7 +108,7 @@ def predict(which: IntArray, of: Intervals, before: Rows, mean: FloatArray, afte
                 after.p_n_m[row, i] += before.R_nb[row, i, j] * path.gain[1, j]
 
 
-@inlined
+@kernel
 def _rotation_rows(
     of: Intervals,
     k: int,
@@ -137,7 +137,7 @@ def _rotation_rows(
         out.by_mean[row, i, i] = H[i, 0] - T
 
 
-@inlined
+@kernel
 def _process_rows(
     of: Intervals, k: int, row: int, before: Rows, after: Rows, mean: FloatArray, out: Filled
 ) -> None:
@@ -156,7 +156,7 @@ def _process_rows(
             out.value[row, at, 0] = value
 
 
-@inlined
+@kernel
 def _force_rows(
     of: Intervals,
     k: int,
@@ -207,7 +207,7 @@ def _force_rows(
         out.after[row, 6 + i, 6 + i] = 1.0
 
 
-@inner
+@kernel
 def _put(E: FloatArray, row: int, column: int, R: FloatArray, M: FloatArray, factor: float) -> None:
     """Set a block, (3, 3), to ``factor R M``."""
     for i in range(3):
@@ -216,7 +216,7 @@ def _put(E: FloatArray, row: int, column: int, R: FloatArray, M: FloatArray, fac
             E[row + i, column + j] = factor * total
 
 
-@inlined
+@kernel
 def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -> None:
     """Fill the rows of the random walk of the accelerometer's bias, whitened."""
     for i in range(9, 12):
@@ -224,7 +224,7 @@ def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -
         out.value[row, i, 0] = white * (after.aux[row, i - 9] - before.aux[row, i - 9])
 
 
-@inlined
+@kernel
 def _lead_lasting(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
     """Set the array's lasting error to ``F z_0``."""
     for i in range(len(F)):
@@ -233,7 +233,7 @@ def _lead_lasting(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
             y[12 + i] += F[i, j] * x[12 + j]
 
 
-@inlined
+@kernel
 def _lasting_rows(
     F: FloatArray, white: FloatArray, row: int, before: Rows, after: Rows, out: Filled
 ) -> None:
@@ -251,7 +251,7 @@ def _lasting_rows(
         out.value[row, ROWS + i, 0] = total
 
 
-@inner
+@kernel
 def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
     """Whiten the rows of the process and of the specific force in place, (D, c)."""
     force = of.force_white[k]
@@ -267,7 +267,7 @@ def _whiten(of: Intervals, k: int, E: FloatArray) -> None:
             E[6 + i, j] *= force[0]
 
 
-@inlined
+@kernel
 def _clear(row: int, out: Filled) -> None:
     """Set derivatives to zero."""
     for i in range(out.before.shape[1]):

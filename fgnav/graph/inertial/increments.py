@@ -95,7 +95,7 @@ def at_latest(t_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArr
 
 
 def parents(t_s: FloatArray, finer_s: FloatArray) -> IntArray:
-    """Return which interval of a timeline each one of a finer timeline is in, by its middle."""
+    """Find the interval of a timeline that contains the middle of each of a finer one."""
     middle_s = (finer_s[1:] + finer_s[:-1]) / 2
     return np.searchsorted(t_s, middle_s, side="right").clip(1, len(t_s) - 1) - 1
 

@@ -1,4 +1,4 @@
-"""What stays of a phase error with antenna and satellite: a state of the array, not noise.
+"""Time-correlated phase error of antenna and satellite, as a state of the array.
 
 Of the error of each link of an array a share s of the variance is a first-order Gauss-Markov
 process, mirrored signals as a rule, of the time constant tau; the rest is white. All that both do
@@ -58,7 +58,7 @@ class Multipath:
         return np.asarray(1 + self.share * 2 * rho / (1 - rho))
 
     def at_times(self, t_s: FloatArray) -> "Multipath":
-        """Return the same at other keyframes, (m,), the present ones among them.
+        """Build the error at other keyframes, (m,), the present ones among them.
 
         The links change where the next of the present ones is.
         """

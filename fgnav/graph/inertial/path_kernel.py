@@ -10,11 +10,11 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 
 class Intervals(NamedTuple):
-    """What is known of n - 1 intervals before their states; see ``gyro_free.GyroFree``."""
+    """Constants of n - 1 intervals, independent of their states; see ``gyro_free.GyroFree``."""
 
     span_s: FloatArray  # (n - 1,)
     step_s: FloatArray  # (n - 1,)
@@ -65,7 +65,7 @@ def turn(R_0: FloatArray, R_1: FloatArray, path: Path) -> None:
         path.theta[i] = theta[i]
 
 
-@inlined
+@kernel
 def _end_slope(aux: FloatArray, path: Path) -> None:
     """Fill the path's slope at its end, ``J_r^-1(theta) w``, and the derivative by theta."""
     theta, C = path.theta, path.C
@@ -129,7 +129,7 @@ def integrate(of: Intervals, k: int, aux: FloatArray, aux_end: FloatArray, path:
                 sums[7, i, j] += rest_s * by_force
 
 
-@inlined
+@kernel
 def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
     """Fill a rotation vector's rotation and its left Jacobian."""
     x, y, z = v[0], v[1], v[2]
@@ -152,7 +152,7 @@ def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
         out[1, 2], out[2, 1] = twice * y * z - once * x, twice * y * z + once * x
 
 
-@inlined
+@kernel
 def _clear(path: Path) -> None:
     """Set the sums along a path to zero."""
     for i in range(3):

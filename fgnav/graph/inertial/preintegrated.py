@@ -45,7 +45,7 @@ _WIDTH = AUX + _BIASES
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Store:
-    """What was summed up, by interval, and GTSAM's parameters.
+    """Preintegrated measurements by interval, and GTSAM's parameters.
 
     What is released is made again about the same biases, to the last bit the same.
     """
@@ -163,7 +163,7 @@ class Inertial:
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
     ) -> "Inertial":
-        """Return the same with more white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz.
+        """Add white noise, (n - 1,) each, (m/s2)^2/Hz and (rad/s)^2/Hz.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class Inertial:
         return louder
 
     def at_times(self, t_s: FloatArray) -> "Inertial":
-        """Return the same motion between other keyframes, (m,), the present ones among them.
+        """Build the motion between other keyframes, (m,), the present ones among them.
 
         An interval has the noise of the one that its middle is in.
         """
@@ -202,7 +202,7 @@ class Inertial:
             del sums[k]
 
     def noise_parts(self, of: slice = EVERY) -> NoiseParts:
-        """Return what each noise contributes to the covariance of the whitened rows.
+        """Compute the shares of the noises in the covariance of the whitened rows.
 
         One noise at a time over a few samples, for it is linear in its variance. Intervals of
         another noise than the unit's, gaps and steps, are not divided.

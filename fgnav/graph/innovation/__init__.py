@@ -1,1 +1,1 @@
-"""What innovations may be: the band of their number, and those that single epochs do not show."""
+"""Innovations that single epochs do not show: redundancy of phases, position by code."""

@@ -1,4 +1,4 @@
-"""Whether the phases of an antenna agree with each other: its satellites are more than it needs.
+"""Test the redundant phases of an antenna against each other.
 
 Of each epoch the place is eliminated, so that no motion is asked; what is left of the rows
 (``factors.antenna_phase``), the information of the arcs from epochs before,
@@ -36,7 +36,7 @@ def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
 
 @dataclass(slots=True)
 class ArcsSoFar:
-    """What epochs so far have of arcs."""
+    """Information about arcs from the epochs so far."""
 
     root: FloatArray  # (d + 1, d + 1), triangular: of A and y
     block: int  # the number of their block
@@ -44,7 +44,7 @@ class ArcsSoFar:
 
     @classmethod
     def before(cls, phase: AntennaPhase) -> "ArcsSoFar":
-        """Return what is known before the first epoch: nothing."""
+        """Return the empty information about arcs of the first epoch."""
         before = phase.blocks[0].before.shape[1]
         return cls(np.zeros((before + 1, before + 1)), phase.first_block - 1)
 
@@ -62,7 +62,7 @@ class ArcsSoFar:
 
 
 def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:
-    """Return what is known of a block's arcs by those of the block before.
+    """Propagate the arcs of the previous block to a block.
 
     As a triangular system ``[A | y]``, (d + 1, d + 1), as that before is.
     """
@@ -84,7 +84,7 @@ def _taken_in(root: FloatArray, rows: FloatArray) -> tuple[FloatArray, float]:
 
 
 def _rank(root: FloatArray) -> int:
-    """Return how many combinations of A are known; by singular values only where some may be open.
+    """Compute the rank of A, by singular values only where it may be deficient.
 
     The least of d is no less than the reciprocal condition in the 1-norm over d, times the largest.
     """

@@ -1,4 +1,4 @@
-"""Whether the place that phase and code of a first epoch tell, alone, is that of the solution.
+"""Test the position by phase and code of a first epoch against the solution.
 
 Errors of satellites hold all along a flight, so that whatever else measures place well pulls all
 phases with it: residuals of single epochs do not show that it pulls too far. With the arcs
@@ -28,7 +28,7 @@ _TESTED = 0.5
 def place_innovation(
     phase: AntennaPhase, solution: Solution
 ) -> tuple[str, list[float], list[int]] | None:
-    """Return how far the solution is from the place by code: name, square, degrees of freedom.
+    """Compute the distance of the solution from the code position: name, square, dimensions.
 
     None where that tests nothing.
 

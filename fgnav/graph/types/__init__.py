@@ -1,1 +1,1 @@
-"""What a smoothing problem is made of, and what solving it yields."""
+"""Parts of a smoothing problem, and its solution."""

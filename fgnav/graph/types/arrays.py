@@ -15,7 +15,7 @@ def check_shapes(owner: str, item: object, shapes: dict[str, tuple[int, ...]]) -
             raise BadInputError(f"{owner} {name}: expected shape {shape}, got {value.shape}")
 
 
-def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
+def contiguous(at: States, indices: IntArray) -> tuple[States, IntArray]:
     """Return states and rows as arrays that the kernels are compiled for: C order and writeable.
 
     Any other layout is a type of its own to numba, which would compile the kernel anew.
@@ -29,11 +29,11 @@ def contiguous(at: States, which: IntArray) -> tuple[States, IntArray]:
         and constants.flags.carray
     ):
         at = at.copied()
-    return at, which if which.flags.carray else np.array(which, dtype=np.int64)
+    return at, indices if indices.flags.carray else np.array(indices, dtype=np.int64)
 
 
 @kernel
-def room(at: States, which: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def room(at: States, indices: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return zeros for residuals of j measurements, (j, m), and derivatives; see ``Linearised``."""
-    j, D, b = len(which), 9 + at.aux.shape[1], len(at.constants)
+    j, D, b = len(indices), 9 + at.aux.shape[1], len(at.constants)
     return np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))

@@ -1,4 +1,4 @@
-"""What leads from one keyframe to the next, with or without a gyroscope."""
+"""Motion between keyframes, with or without a gyroscope."""
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
@@ -27,7 +27,7 @@ INTEGRATION_M2 = 1e-7  # m2/s: a third of a millimetre in a second keeps linear 
 
 
 class NoiseParts(NamedTuple):
-    """What each noise contributes to the covariance of an interval's whitened rows."""
+    """Shares of the noises in the covariance of an interval's whitened rows."""
 
     names: tuple[str, ...]  # c of ``INERTIAL_NOISES``
     parts: FloatArray  # (n - 1, c, D, D); with ``rest`` they add up to the identity
@@ -91,12 +91,12 @@ class Motion(Protocol):
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
     ) -> "Motion":
-        """Return the same motion with more white noise of its unit, in each interval.
+        """Add white noise of the IMU in each interval.
 
         Power spectral densities to be added, (n - 1,), (m/s2)^2/Hz and (rad/s)^2/Hz.
         """
         ...
 
     def at_times(self, t_s: FloatArray) -> "Motion":
-        """Return the same motion between other keyframes, (m,), the present ones among them."""
+        """Build the motion between other keyframes, (m,), the present ones among them."""
         ...

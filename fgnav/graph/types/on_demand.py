@@ -26,7 +26,7 @@ class OnDemand(Sequence[Item], Generic[Item]):
         self._count, self._make = count, lru_cache(kept)(make)
 
     def __len__(self) -> int:
-        """Return how many elements there are."""
+        """Return the number of elements."""
         return self._count
 
     @overload

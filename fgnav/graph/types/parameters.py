@@ -1,4 +1,4 @@
-"""What holds for a whole flight and is estimated with it: places, angles, offsets."""
+"""Constants of a flight that are estimated with it: positions, angles, offsets."""
 
 from dataclasses import dataclass, field, replace
 
@@ -48,7 +48,7 @@ class Parameter:
 
     @property
     def origin(self) -> FloatArray:
-        """What the flight states."""
+        """Nominal value."""
         return self.mean if self.stated is None else self.stated
 
 
@@ -60,7 +60,28 @@ def flight_constant(
     *,
     reported: bool = True,
 ) -> Parameter:
-    """Return a constant that is zero to a 1-sigma, of all its axes or of each, (d,)."""
+    """Return a constant of prior mean zero.
+
+    Parameters
+    ----------
+    name : str
+    axes : tuple of str, length d
+    unit : str
+    sigma : float or ndarray of shape (d,)
+        1-sigma of all axes, or of each.
+    reported : bool, optional
+        Whether results report it.
+
+    Returns
+    -------
+    Parameter
+
+    Examples
+    --------
+    >>> from fgnav.graph import flight_constant
+    >>> flight_constant("speed scale", ("",), "", 0.01).covariance
+    array([[0.0001]])
+    """
     d = len(axes)
     return Parameter(
         name=name,
@@ -105,7 +126,7 @@ class Parameters:
 
     @property
     def mean(self) -> FloatArray:
-        """Return what is expected before the flight, (b,)."""
+        """Return the prior means, (b,)."""
         return np.concatenate([np.empty(0), *(part.mean for part in self.parts)])
 
     @property
@@ -123,7 +144,7 @@ class Parameters:
         return P
 
     def started_at(self, values: FloatArray) -> "Parameters":
-        """Return the same, their search starting at values, (b,)."""
+        """Replace the values at which the search starts, (b,)."""
         return Parameters(
             tuple(
                 replace(part, start=values[first : first + part.size])

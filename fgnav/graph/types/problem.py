@@ -90,7 +90,7 @@ class Problem:
         return len(self.t_s), self.constants.width
 
     def with_constants(self, parts: tuple[Parameter, ...]) -> "Problem":
-        """Return the same with more constants, after those it has, for its sensors and phases."""
+        """Append constants, for sensors and phases."""
         if not parts:
             return self
         constants = Parameters((*self.constants.parts, *parts))
@@ -108,7 +108,7 @@ class Problem:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Opening:
-    """What a filter solves for its first keyframes in place of a problem.
+    """Problem of the first keyframes of a filter, while the heading is unobservable.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Opening:
 
     @property
     def keyframes(self) -> int:
-        """How many come before that."""
+        """Number of keyframes of the opening."""
         return int(np.searchsorted(self.problem.t_s, self.until_s))
 
 

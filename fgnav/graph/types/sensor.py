@@ -1,4 +1,4 @@
-"""What every sensor's factor states, and who reads it."""
+"""Interface of a sensor: whitened residuals, Jacobians and GTSAM's factors."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlias
@@ -33,7 +33,7 @@ class Sensor(Protocol):
 
     @property
     def name(self) -> str:
-        """What reports call it: ``"position"``."""
+        """Name in reports: ``"position"``."""
         ...
 
     @property
@@ -58,17 +58,17 @@ class Sensor(Protocol):
 
     @property
     def freedom(self) -> IntArray:
-        """How many dimensions of the residual each one measures, (k,)."""
+        """Measured dimensions of each residual, (k,)."""
         ...
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some of the measurements, (j,).
 
         Parameters
         ----------
         at : States
-            Of their keyframes: row i of it belongs to measurement ``which[i]``.
-        which : ndarray of int, shape (j,)
+            Of their keyframes: row i of it belongs to measurement ``indices[i]``.
+        indices : ndarray of int, shape (j,)
             Rows of this sensor's own arrays.
         """
         ...
@@ -78,11 +78,11 @@ class Sensor(Protocol):
         ...
 
     def on(self, row: IntArray) -> Self:
-        """Return the same measurements at other rows, (k,): of a timeline with more keyframes."""
+        """Move the measurements to other keyframes, (k,), of a finer timeline."""
         ...
 
     def bound(self, constants: Parameters) -> Self:
-        """Return the same measurements of a problem that has these constants."""
+        """Bind the measurements to the constants of a problem."""
         ...
 
 
@@ -125,11 +125,11 @@ class SensorRows:
         return np.full(len(self.row), self.rows)
 
     def on(self, row: IntArray) -> Self:
-        """Return the same measurements at other rows, (k,)."""
+        """Move the measurements to other keyframes, (k,)."""
         return replace(self, row=row)
 
     def bound(self, constants: Parameters) -> Self:
-        """Return the same measurements of a problem that has these constants."""
+        """Bind the measurements to the constants of a problem."""
         return replace(self, constants=constants)
 
     def derivatives(self, at: States) -> tuple[FloatArray, FloatArray]:
@@ -140,13 +140,13 @@ class SensorRows:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class WrappedSensor:
-    """What measurements that carry others elsewhere, in time or axes, have of these."""
+    """Base of measurements that wrap others and transform their states."""
 
     measurement: Sensor
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         return self.measurement.name
 
     @property
@@ -175,9 +175,9 @@ class WrappedSensor:
         return self.measurement.freedom
 
     def bound(self, constants: Parameters) -> Self:
-        """Return the same measurements of a problem that has these constants."""
+        """Bind the measurements to the constants of a problem."""
         return replace(self, measurement=self.measurement.bound(constants))
 
     def on(self, row: IntArray) -> Self:
-        """Return the same measurements at other rows, (k,)."""
+        """Move the measurements to other keyframes, (k,)."""
         return replace(self, measurement=self.measurement.on(row))

@@ -1,4 +1,4 @@
-"""What solving yields: states at keyframes, constants, and how well both are known."""
+"""Solution of a problem: states at keyframes, constants, and their covariances."""
 
 from dataclasses import dataclass
 
@@ -50,7 +50,7 @@ class Solution:
     refused: BoolArray | None = None
 
     def __getitem__(self, rows: IntArray) -> "Solution":
-        """Return some of the states, (m,) of them, without their neighbours."""
+        """Select states, (m,), without their neighbours."""
         return Solution(
             states=self.states.at(rows),
             covariance=self.covariance[rows],

@@ -28,24 +28,29 @@ __all__ = [
 
 
 class States(NamedTuple):
-    """Where n keyframes are linearised; constants belong to all of them.
+    """States of n keyframes, with the constants of all.
 
-    The body point is the accelerometer.
+    The body point is the accelerometer. ``aux`` holds the accelerometer's bias and the gyroscope's;
+    without a gyroscope the accelerometer's bias, rate, its scaled derivatives, and q dimensions of
+    the array's time-correlated error, where it has one.
     """
 
     R_nb: FloatArray  # (n, 3, 3)
     p_n_m: FloatArray  # (n, 3)
     v_n_mps: FloatArray  # (n, 3)
-    aux: FloatArray  # (n, 6) with a gyroscope, (n, 12) without
+    aux: FloatArray  # (n, 6) with a gyroscope, (n, 12 + q) without
     constants: FloatArray  # (b,)
 
     @property
     def width(self) -> int:
-        """Dimensions of one keyframe's tangent, 15 or 21."""
+        """Dimensions D of one keyframe's tangent: 15 with a gyroscope, else 21 + q.
+
+        q are those of the array's time-correlated error; 0 without one.
+        """
         return AUX + int(self.aux.shape[1])
 
     def at(self, rows: IntArray | slice) -> "States":
-        """Return some keyframes, with the constants of all."""
+        """Select keyframes, with all constants."""
         return States(
             R_nb=self.R_nb[rows],
             p_n_m=self.p_n_m[rows],
@@ -55,7 +60,7 @@ class States(NamedTuple):
         )
 
     def copied(self) -> "States":
-        """Return the same in memory of its own."""
+        """Copy the arrays."""
         return States._make(np.array(part, order="C") for part in self)
 
     def moved(self, steps: FloatArray, constant_steps: FloatArray) -> "States":

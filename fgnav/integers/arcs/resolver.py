@@ -20,7 +20,7 @@ from fgnav.checks import BadInputError, IntArray, NoSolutionError
 from fgnav.gnss.cycle_slips.detection import phase_arcs
 from fgnav.gnss.single_differences import single_differences
 from fgnav.integers.acceptance import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
-from fgnav.integers.arcs.kernel import Answers, carry, chance_of_epochs
+from fgnav.integers.arcs.carried import Answers, carry, chance_of_epochs
 from fgnav.integers.arcs.smoothing import smoothed
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight

@@ -27,7 +27,7 @@ from fgnav.integers.ils.array_model import LinkArrays, Spans
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.float_solution import FloatSolution
 from fgnav.integers.ils.link_weights import solved
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 PROVEN, NOTHING, UNPROVEN, UNFINISHED, ILL = range(5)  # how an epoch can end
 
@@ -126,7 +126,7 @@ def search_epochs(
             _search_epoch(relaxed, k, first_bound[k], result, reach, limit, listed)
 
 
-@inlined
+@kernel
 def _search_epoch(
     relaxed: FloatSolution,
     k: int,
@@ -176,7 +176,7 @@ def _search_epoch(
     _write(best, rounded, T, relaxed.links, result, k)
 
 
-@inlined
+@kernel
 def _model(relaxed: FloatSolution, T: FloatArray) -> tuple[_Model, FloatArray]:
     """Return the model of complete vectors, and the gain by decorrelated integers, (3 r, q)."""
     u, q = relaxed.gain.shape
@@ -196,7 +196,7 @@ def _model(relaxed: FloatSolution, T: FloatArray) -> tuple[_Model, FloatArray]:
     return _Model(relaxed.constant, relaxed.information, covariance, axis), gain
 
 
-@inner  # not inlined: numba copies what is inlined at each level again, 1.3 s of 17 here
+@kernel
 def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, listed: bool) -> int:
     """Take the walk's complete vector into account; return its nodes."""
     cost = model.constant + norm
@@ -214,7 +214,7 @@ def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, li
     return _COMPLETE
 
 
-@inlined
+@kernel
 def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: float) -> None:
     """Enter a candidate among the best; what is not among them adds to the weight of the others."""
     held = len(best.costs)
@@ -232,7 +232,7 @@ def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: floa
             best.columns[to, i] = M[i] if to == place else best.columns[to - 1, i]
 
 
-@inlined
+@kernel
 def _write(
     best: _Best, rounded: FloatArray, T: FloatArray, links: IntArray, result: Found, k: int
 ) -> None:

@@ -11,7 +11,7 @@ from fgnav.geometry.rotation_kernel import exp, product, transposed
 from fgnav.integers.array.nearest_direction import nearest_direction
 from fgnav.integers.array.principal_axes import principal_axes
 from fgnav.integers.ils.link_weights import solved
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 _STEPS = 20
 _HALVINGS = 6
@@ -85,7 +85,7 @@ def weak_axis(information: FloatArray, variance: float) -> FloatArray:
     return least
 
 
-@inlined
+@kernel
 def _start(columns: FloatArray, axis: FloatArray, start: int) -> FloatArray:
     """Return columns to start from: four turn the array, two complete lengths along the axis."""
     if start < 4:
@@ -128,7 +128,7 @@ def orthonormal(columns: FloatArray) -> FloatArray:
     return out
 
 
-@inlined
+@kernel
 def log_volume(M: FloatArray, information: FloatArray) -> float:
     """Return minus half the log determinant of the information on the attitude behind M.
 
@@ -148,7 +148,7 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
 
 
 # Vectors are handled in place, in plain loops: numba compiles those in a third of the time.
-@inner
+@kernel
 def _dot(a: FloatArray, b: FloatArray) -> float:
     total = 0.0
     for i in range(len(a)):
@@ -156,13 +156,13 @@ def _dot(a: FloatArray, b: FloatArray) -> float:
     return total
 
 
-@inner
+@kernel
 def _add(a: FloatArray, factor: float, b: FloatArray) -> None:
     for i in range(len(a)):
         a[i] += factor * b[i]
 
 
-@inner
+@kernel
 def _normalised(v: FloatArray) -> bool:
     """Scale to length 1, or to 0 where there is no direction."""
     length = np.sqrt(_dot(v, v))
@@ -172,7 +172,7 @@ def _normalised(v: FloatArray) -> bool:
     return bool(has_direction)
 
 
-@inner
+@kernel
 def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -220,7 +220,7 @@ def normal_matrix(J: FloatArray, information: FloatArray) -> FloatArray:
     return out
 
 
-@inner
+@kernel
 def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> float:
     total = 0.0
     for i in range(len(M)):
@@ -231,7 +231,7 @@ def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> fl
     return total
 
 
-@inlined
+@kernel
 def _descend(
     start: FloatArray, columns: FloatArray, information: FloatArray
 ) -> tuple[float, FloatArray]:
@@ -256,7 +256,7 @@ def _descend(
     return cost, M
 
 
-@inlined
+@kernel
 def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -> FloatArray:
     H = normal_matrix(J, information)
     g = np.zeros(3)
@@ -267,7 +267,7 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
     return solved(H, g.reshape(3, 1)).reshape(3)
 
 
-@inner
+@kernel
 def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Turn every column about the axes of ``n``."""
     return product(M.reshape(len(M) // 3, 3), transposed(exp(turn_rad))).reshape(len(M))

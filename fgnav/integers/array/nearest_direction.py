@@ -13,7 +13,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import scaled
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.kernels.compiled import inner, kernel
+from fgnav.kernels.compiled import kernel
 
 _BISECTIONS = 60
 
@@ -50,6 +50,6 @@ def nearest_direction(column: FloatArray, information: FloatArray) -> FloatArray
     return scaled(out, 1.0 / _length(out))
 
 
-@inner
+@kernel
 def _length(v: FloatArray) -> float:
     return float(np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]))

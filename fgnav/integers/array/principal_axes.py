@@ -6,7 +6,7 @@ A call of LAPACK for three rows costs five times what they need, and a second to
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 _SWEEPS = 12  # convergence is quadratic: 5 to 7 do
 _DIAGONAL = 1e-32  # of the squares of all elements
@@ -40,7 +40,7 @@ def principal_axes(S: FloatArray) -> tuple[FloatArray, FloatArray]:
     return values, V
 
 
-@inlined
+@kernel
 def _across(A: FloatArray) -> bool:
     """Return whether there is anything besides the diagonal."""
     across, along = 0.0, 0.0
@@ -51,7 +51,7 @@ def _across(A: FloatArray) -> bool:
     return across > _DIAGONAL * along
 
 
-@inlined
+@kernel
 def _rotate(A: FloatArray, V: FloatArray, p: int, q: int) -> None:
     """Turn axes p and q until A has nothing between them."""
     if A[p, q] == 0.0:

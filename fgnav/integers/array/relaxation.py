@@ -22,7 +22,7 @@ import numpy as np
 
 from fgnav.integers.ils.array_model import LinkArrays, Spans, epoch_links
 from fgnav.integers.ils.float_solution import FloatSolution, float_solution
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 # The multiplier e trades what it takes off the bound, e r, for the reach of directions that code
 # leaves open: of q integers least volume is left near 6 q / (q - 3 r), without end for q = 3 r.
@@ -46,7 +46,7 @@ def relaxation(epochs: LinkArrays, arrays: Spans, k: int) -> FloatSolution:
     return float_solution(epochs, arrays, k, pattern, links, multiplier)
 
 
-@inlined
+@kernel
 def _multiplier(q: int, u: int) -> float:
     best = _PER_INTEGER * q / max(q - u, 1)
     return min(best, _LARGEST_MULTIPLIER) if q > u else _LARGEST_MULTIPLIER

@@ -17,14 +17,14 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.integers.array.nearest import normal_matrix, tangent
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.kernels.compiled import inlined, inner
+from fgnav.kernels.compiled import kernel
 
 _STEPS = 60
 _EXACT = 1e-9  # of the squared length
 _FLATTEST = 0.1  # of the curvature without residuals: where less is left, Laplace's volume is none
 
 
-@inlined
+@kernel
 def log_likelihood(
     columns: FloatArray, information: FloatArray, M: FloatArray, distance: float
 ) -> float:
@@ -48,7 +48,7 @@ def log_likelihood(
     return _log_curved_volume(M, columns, information) - 0.5 * distance
 
 
-@inlined
+@kernel
 def _log_over_sphere(column: FloatArray, information: FloatArray) -> float:
     """Return log of the integral over the sphere, by 2 pi.
 
@@ -90,7 +90,7 @@ def _log_over_sphere(column: FloatArray, information: FloatArray) -> float:
     return logarithm
 
 
-@inner
+@kernel
 def _cumulants(
     t: float, values: FloatArray, share: FloatArray
 ) -> tuple[float, float, float, float]:
@@ -106,7 +106,7 @@ def _cumulants(
     return K1, K2, K3, K4
 
 
-@inlined
+@kernel
 def _log_curved_volume(M: FloatArray, columns: FloatArray, information: FloatArray) -> float:
     """Return minus half the log determinant of the distance's curvature by turns of M."""
     H = normal_matrix(tangent(M), information)
@@ -126,7 +126,7 @@ def _log_curved_volume(M: FloatArray, columns: FloatArray, information: FloatArr
     return -0.5 * logarithm
 
 
-@inlined
+@kernel
 def _add_bend(
     M: FloatArray, columns: FloatArray, information: FloatArray, u: int, H: FloatArray
 ) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 AT_VECTOR, AT_END, AT_LIMIT = range(3)  # where a walk stops
 _COMPLETE = -1  # a level: below the last
@@ -42,7 +42,7 @@ class Walk(NamedTuple):
     place: IntArray  # (2,): level, or `_COMPLETE`, and nodes visited
 
 
-@inlined
+@kernel
 def walk_of(
     L: FloatArray,
     d: FloatArray,
@@ -86,7 +86,7 @@ def walk_of(
     return walk
 
 
-@inlined
+@kernel
 def _set_levels(walk: Walk, gain: FloatArray, covariance: FloatArray) -> None:
     """Find what each level tells of the columns before the integers below it are known."""
     u, n = gain.shape
@@ -112,7 +112,7 @@ def begin(walk: Walk) -> None:
     walk.step[k] = 1.0 if walk.z_float[k] >= walk.z[k] else -1.0
 
 
-@inlined
+@kernel
 def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
     """Go on to the next complete vector within the bound.
 
@@ -168,7 +168,7 @@ def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
     return AT_LIMIT, 0.0
 
 
-@inner
+@kernel
 def _advance(walk: Walk, k: int) -> None:
     """Take a level's next integer: outward from the conditional estimate, to both sides in turn."""
     walk.z[k] += walk.step[k]
@@ -203,7 +203,7 @@ def least_distance(columns: FloatArray, covariance: FloatArray) -> float:
     return least * least
 
 
-@inlined
+@kernel
 def _variance(covariance: FloatArray, u: int, v: int, x: FloatArray, y: FloatArray) -> float:
     """Return that of ``x . d`` for one column, u = v, and of ``x . d' + y . d`` for two."""
     total = 0.0

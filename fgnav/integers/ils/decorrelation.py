@@ -16,7 +16,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 _EPSILON = 2.0**-52
 _GAIN = 1e-12  # least relative gain of an exchange: rounding errors must not cycle
@@ -75,7 +75,7 @@ def decorrelate(
     return positive, U, d, T
 
 
-@inlined
+@kernel
 def _sound(T: FloatArray) -> bool:
     for row in T:
         for value in row:
@@ -84,7 +84,7 @@ def _sound(T: FloatArray) -> bool:
     return True
 
 
-@inlined
+@kernel
 def _factor(
     Q: FloatArray, U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray
 ) -> bool:
@@ -115,7 +115,7 @@ def _factor(
     return True
 
 
-@inlined
+@kernel
 def _least_diagonal(U: FloatArray, last: int) -> int:
     best = last
     for j in range(last):
@@ -124,13 +124,13 @@ def _least_diagonal(U: FloatArray, last: int) -> int:
     return best
 
 
-@inner
+@kernel
 def _exchange_rows(A: FloatArray, i: int, j: int) -> None:
     for k in range(A.shape[1]):
         A[i, k], A[j, k] = A[j, k], A[i, k]
 
 
-@inlined
+@kernel
 def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, grown: float) -> None:
     """Exchange neighbours while that lowers the variance that is searched first."""
     n = len(d)
@@ -162,7 +162,7 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, gr
         k = min(k + 1, n - 2)
 
 
-@inner
+@kernel
 def _subtract(U: FloatArray, carried: FloatArray, T: FloatArray, k: int, i: int) -> None:
     """Reduce element i of row k by its nearest integer times row i."""
     mu = np.floor(U[k, i] + 0.5)

@@ -7,7 +7,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.ils.array_model import LinkArrays, Spans, link_covariance, link_design
 from fgnav.integers.ils.link_weights import solved, weighed
-from fgnav.kernels.compiled import inlined, kernel
+from fgnav.kernels.compiled import kernel
 
 _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
 
@@ -72,7 +72,7 @@ def float_solution(
     )
 
 
-@inlined
+@kernel
 def _ambiguities(
     epochs: LinkArrays,
     k: int,
@@ -98,7 +98,7 @@ def _ambiguities(
     return cycles, covariance
 
 
-@inlined
+@kernel
 def _determined(N: FloatArray) -> bool:
     """Return whether every pivot of a symmetric matrix is more than rounding of its diagonal."""
     U = N.copy()

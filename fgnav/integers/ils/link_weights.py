@@ -14,7 +14,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 
 @kernel
@@ -51,7 +51,7 @@ def weighed(
     return out
 
 
-@inlined
+@kernel
 def _weigh_group(
     r: int,
     present: FloatArray,
@@ -79,7 +79,7 @@ def _weigh_group(
                     out[place[i, j] - 1, v] = residual[i + 1, j, v] / variance[j]
 
 
-@inner
+@kernel
 def _take_satellites_clocks(residual: FloatArray, present: FloatArray) -> None:
     """Take off the means over antennas."""
     a, m, width = residual.shape
@@ -93,7 +93,7 @@ def _take_satellites_clocks(residual: FloatArray, present: FloatArray) -> None:
                 residual[i, j, v] -= present[i, j] * total / antennas
 
 
-@inlined
+@kernel
 def _take_receivers_clocks(residual: FloatArray, present: FloatArray, variance: FloatArray) -> None:
     """Take off what receivers' clocks explain of links that are free of satellites' clocks."""
     a, m, width = residual.shape
@@ -117,7 +117,7 @@ def _take_receivers_clocks(residual: FloatArray, present: FloatArray, variance: 
                 residual[i, j, v] -= present[i, j] * of_receivers[i, v]
 
 
-@inner
+@kernel
 def _antennas(present: FloatArray, j: int) -> float:
     """Return how many have a channel, 1 where none has."""
     total = 0.0
@@ -126,7 +126,7 @@ def _antennas(present: FloatArray, j: int) -> float:
     return max(total, 1.0)
 
 
-@inlined
+@kernel
 def _there(r: int, reference: IntArray, place: IntArray) -> FloatArray:
     """Return 1 for the links of a group, those of its reference and of the reference antenna too.
 

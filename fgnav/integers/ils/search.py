@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 __all__ = [
     "ASYMMETRIC",
@@ -277,7 +277,7 @@ def search(
     return False, vectors, squared_norms
 
 
-@inlined
+@kernel
 def _insert(vectors: FloatArray, squared_norms: FloatArray, z: FloatArray, norm: float) -> None:
     i = len(squared_norms) - 1
     while i > 0 and squared_norms[i - 1] > norm:
@@ -290,7 +290,7 @@ def _insert(vectors: FloatArray, squared_norms: FloatArray, z: FloatArray, norm:
         vectors[i, j] = z[j]
 
 
-@inner
+@kernel
 def _return_to_cycles(
     vectors: FloatArray, T: FloatArray, rounded: FloatArray, wanted: BoolArray, integers: IntArray
 ) -> None:

@@ -2,6 +2,7 @@
 
 from weakref import WeakKeyDictionary
 
+from fgnav.checks import BadInputError
 from fgnav.gnss.difference import double_differences
 from fgnav.integers.resolvers.causal import causal_form
 from fgnav.types.differences import DoubleDifferences
@@ -34,7 +35,7 @@ def resolve(
     Raises
     ------
     BadInputError
-        If the resolver has no causal form.
+        If the resolver has no causal form, or answers for other links than it was asked.
     """
     if causal:
         resolver = causal_form(resolver)
@@ -44,9 +45,20 @@ def resolve(
     try:
         hash(resolver)
     except TypeError:
-        return differences, resolver(differences, flight)
+        return differences, _answer(resolver, differences, flight)
     cached = _RESOLVED.setdefault(flight, {})
     key = (resolver, causal)
     if key not in cached:
-        cached[key] = resolver(differences, flight)
+        cached[key] = _answer(resolver, differences, flight)
     return differences, cached[key]
+
+
+def _answer(resolver: Resolver, differences: DoubleDifferences, flight: Flight) -> Integers:
+    integers = resolver(differences, flight)
+    if integers.fixed.shape != differences.phase_m.shape:
+        name = getattr(resolver, "name", type(resolver).__name__)
+        raise BadInputError(
+            f"resolver {name}: answers for (epochs, baselines, channels) {integers.fixed.shape}, "
+            f"asked for {differences.phase_m.shape}"
+        )
+    return integers

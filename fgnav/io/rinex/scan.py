@@ -10,7 +10,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.io.gps_time import TICKS_PER_S
 from fgnav.io.rinex.text import Bytes
-from fgnav.kernels.compiled import inlined, inner, kernel
+from fgnav.kernels.compiled import kernel
 
 # Rules that an epoch may break.
 NO_EPOCH, COUNT, CUT, SATELLITE, VALUE = range(1, 6)
@@ -44,14 +44,14 @@ class Found(NamedTuple):
     locks: IntArray  # (l, t), loss-of-lock indicators
 
 
-@inner
+@kernel
 def _char(body: Body, line: int, at: int) -> int:
     """Return a character of a line; blanks stand behind its end."""
     k = body.begins[line] + at
     return body.text[k] if k < body.ends[line] else _BLANK
 
 
-@inner
+@kernel
 def _is_blank(body: Body, line: int, at: int, width: int) -> bool:
     blank = True
     for k in range(at, at + width):
@@ -59,7 +59,7 @@ def _is_blank(body: Body, line: int, at: int, width: int) -> bool:
     return blank
 
 
-@inner
+@kernel
 def _whole(body: Body, line: int, at: int, width: int) -> int:
     """Return a whole number, right-adjusted in its columns; -1 where blank, -2 where none."""
     value = -1
@@ -72,7 +72,7 @@ def _whole(body: Body, line: int, at: int, width: int) -> int:
     return value
 
 
-@inner
+@kernel
 def _ticks(body: Body, line: int, q: int, width: int) -> int:
     """Return a date whose year ends at q, in 1e-7 s since 1980-01-06; -1 of none."""
     year, month = _whole(body, line, q - width, width), _whole(body, line, q + 1, 2)
@@ -97,7 +97,7 @@ def _ticks(body: Body, line: int, q: int, width: int) -> int:
     return (((days * 24 + hour) * 60 + minute) * 60 + second) * TICKS_PER_S + fraction
 
 
-@inner
+@kernel
 def _may_begin(body: Body, line: int) -> bool:
     """Return True if a line looks like the beginning of an epoch or event."""
     if not body.rows:
@@ -107,7 +107,7 @@ def _may_begin(body: Body, line: int) -> bool:
     return body.ends[line] > body.begins[line] + 26 and _is_blank(body, line, 0, 26)
 
 
-@inner
+@kernel
 def _begins(body: Body, line: int, mark: IntArray) -> bool:
     """Read the beginning of an epoch or event; a date, or all behind it, may stand a column late.
 
@@ -136,7 +136,7 @@ def _begins(body: Body, line: int, mark: IntArray) -> bool:
     return False
 
 
-@inner
+@kernel
 def _next_epoch(body: Body, line: int) -> int:
     """Return the next line that begins an epoch; of RINEX 2 values may look like an event."""
     mark = np.empty(4, np.int64)
@@ -148,7 +148,7 @@ def _next_epoch(body: Body, line: int) -> int:
     return len(body.begins)
 
 
-@inner
+@kernel
 def _next_line(body: Body, line: int) -> int:
     """Return the first line from one on that is not blank."""
     while line < len(body.begins) and body.ends[line] == body.begins[line]:
@@ -156,12 +156,12 @@ def _next_line(body: Body, line: int) -> int:
     return line
 
 
-@inner
+@kernel
 def _rows_of_names(body: Body, mark: IntArray) -> int:
     return max((mark[ANNOUNCED] + _NAMES - 1) // _NAMES, 1) if body.rows else 1
 
 
-@inlined
+@kernel
 def _after(body: Body, line: int, mark: IntArray) -> int:
     """Return the line behind an epoch or event."""
     announced = max(int(mark[ANNOUNCED]), 0)
@@ -170,7 +170,7 @@ def _after(body: Body, line: int, mark: IntArray) -> int:
     return line + 1 + announced
 
 
-@inlined
+@kernel
 def _extent(body: Body, line: int, after: int) -> tuple[int, int, int]:
     """Return the rule that an epoch breaks by its lines, where, and the line to go on at."""
     n, ahead = len(body.begins), _next_epoch(body, line + 1)
@@ -186,7 +186,7 @@ def _extent(body: Body, line: int, after: int) -> tuple[int, int, int]:
     return 0, line, following
 
 
-@inlined
+@kernel
 def _thousandths(text: Bytes, start: int, stop: int) -> tuple[int, int]:
     """Return a number in thousandths, and 0 if blank, 1 if a number, 2 if broken."""
     i, end = start, min(start + _NUMBER, stop)
@@ -210,7 +210,7 @@ def _thousandths(text: Bytes, start: int, stop: int) -> tuple[int, int]:
     return (-value if negative else value), 1
 
 
-@inlined
+@kernel
 def _fields(
     body: Body, line: int, skipped: int, letter: int, values: FloatArray, locks: IntArray
 ) -> tuple[int, int]:
@@ -233,7 +233,7 @@ def _fields(
     return line, 0
 
 
-@inlined
+@kernel
 def _satellites(
     body: Body, line: int, mark: IntArray, seen: IntArray, found: Found, epoch: int, new: int
 ) -> tuple[int, int, int]:

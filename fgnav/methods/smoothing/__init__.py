@@ -1,1 +1,1 @@
-"""What the three ways of asking the smoother share: its solvers, sources of factors, estimates."""
+"""Solvers, sources of factors and estimates that the three smoothers share."""

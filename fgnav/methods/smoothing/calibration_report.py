@@ -34,7 +34,7 @@ def calibrated_parameters(
 
 
 def constant_note(constant: CalibratedParameter) -> Note:
-    """Return how far a constant is from the nominal, as a message."""
+    """Return a message with the difference of a constant from its nominal value."""
     axes, P = constant.axes, constant.covariance
     if len(axes) > _LISTED:
         first, last = (

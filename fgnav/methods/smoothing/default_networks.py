@@ -26,7 +26,7 @@ def default_networks(flight: Flight) -> "tuple[tuple[NeuralFactor, ...], tuple[s
 
 
 def is_attitude_open(flight: Flight) -> bool:
-    """Return whether neither a gyroscope nor an array of three measures the attitude."""
+    """Return True if neither a gyroscope nor an array of three measures the attitude."""
     imu = flight.imu
     if imu is None or imu.w_b_radps is not None:
         return False

@@ -26,7 +26,7 @@ _FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Body:
-    """What is known of a body beside its states."""
+    """Properties of a body besides its states."""
 
     position_b_m: FloatArray  # (3,): the accelerometer's
     earth_rate_n_radps: FloatArray  # (3,)

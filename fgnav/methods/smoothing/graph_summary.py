@@ -1,4 +1,4 @@
-"""What an estimate says of its factor graph: kinds of factors, answers of networks."""
+"""Summary of an estimate's factor graph: kinds of factors, answers of networks."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""What the data leave open, by name: states known hardly better than before the flight."""
+"""List weakly observable states: those known hardly better than by their prior."""
 
 import numpy as np
 

@@ -58,7 +58,7 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     if not isinstance(motion, GyroFree) or len(problem.t_s) > _MOST:
         return prepared
     nominal = _at_its_minimum(problem, motion)
-    run, keyframes = decimated(problem)
+    run, keyframes = decimated(prepared)
     candidates = _climbed(run)
     highest = max(one.log_posterior for one in candidates.values())
     plausible = [

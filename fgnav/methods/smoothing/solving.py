@@ -55,7 +55,7 @@ def at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solu
 
 
 def without_attitudes(prepared: PreparedFlight) -> bool:
-    """Return whether neither an array nor a gyroscope measures how the body turns.
+    """Return True if neither an array nor a gyroscope measures the body's rotation.
 
     Only later motion determines where to linearise a window: of 30 such flights of 30 s, its
     attitudes erred by 267 sigmas squared (median; 3 is right) where it did so itself, by 1.6 at the
@@ -65,10 +65,10 @@ def without_attitudes(prepared: PreparedFlight) -> bool:
 
 
 def is_known_late(prepared: PreparedFlight) -> bool:
-    """Return whether only later motion determines where to linearise, without a gyroscope.
+    """Return True if only later motion determines the linearisation point, without a gyroscope.
 
-    Without attitudes none does before; between two of them it may have turned over: a window goes
-    on as the body last turned, and a turn too many is a minimum of its custom.
+    A window extrapolates the last rotation. Between attitudes that are far apart, the body may have
+    made another full turn, and a wrong number of turns is a local minimum.
     """
     if prepared.imu.w_b_radps is not None:
         return False
@@ -78,7 +78,7 @@ def is_known_late(prepared: PreparedFlight) -> bool:
 
 
 class _End(NamedTuple):
-    """Where a batch ended, which problem it solved, and what other headings add to covariances."""
+    """Result of a batch: solution, problem, and covariance added by other headings."""
 
     solution: Solution
     problem: Problem
@@ -130,7 +130,7 @@ def _ended(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> _End:
 
 
 def _open(prepared: PreparedFlight) -> Opening | None:
-    """Return what all headings are tried about, of a flight that may not determine its own."""
+    """Return the opening of a heading search; None if the flight determines its heading."""
     opening = prepared.opening
     if opening is not None:
         return opening if opening.until_s == np.inf else None

@@ -1,1 +1,1 @@
-"""What comes to a stream, and how a keyframe of it is put to the window."""
+"""Measurements of a stream, and their keyframes in the window."""

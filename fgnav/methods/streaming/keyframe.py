@@ -74,7 +74,7 @@ def keyframe_problem(now: Measurements, config: StreamConfig, before: Before | N
 def _sensors(
     now: Measurements, config: StreamConfig, t_s: FloatArray, p_n_m: FloatArray
 ) -> tuple[tuple[Sensor, ...], tuple[Parameter, ...]]:
-    """Return what was measured in the last of the rows, and the constants of instruments."""
+    """Build the sensors of the last row, and the constants of instruments."""
     n, row, rates = len(t_s), np.array([len(t_s) - 1]), None
     sensors: list[Sensor] = []
     if now.array is not None:

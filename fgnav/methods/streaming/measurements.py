@@ -1,4 +1,4 @@
-"""What is stated of a stream's vehicle beforehand, and what comes up to each keyframe."""
+"""Configuration of a stream's vehicle, and its measurements up to each keyframe."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class StreamConfig:
-    """What is known of a vehicle before its measurements come.
+    """Configuration of a vehicle for a stream.
 
     Attributes
     ----------
@@ -100,7 +100,7 @@ class Direction:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Measurements:
-    """What came in up to a keyframe since the one before.
+    """Measurements since the previous keyframe.
 
     Attributes
     ----------

@@ -84,7 +84,7 @@ def opened(
     problem: Problem,
     opening: Opening | None,
 ) -> list[Departed]:
-    """Return what leaves a window, of an opening while that holds, then of the problem.
+    """Collect the states that leave a window, first those of an opening, then of the problem.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What enters GTSAM's window with each keyframe, kept until it leaves: a window may begin anew.
+"""Factors and values that enter GTSAM's window with each keyframe.
 
 What GTSAM has marginalised stays linear where it was, and no variable that it speaks of is ever
 linearised anew. Where the oldest keyframe must be, the window begins again: its prior is the
@@ -26,7 +26,7 @@ from fgnav.solve.sliding.linear_window import LinearWindow
 
 
 class _Keyframe(NamedTuple):
-    """What entered with a keyframe."""
+    """Factors and values of a keyframe."""
 
     before: list[gtsam.NonlinearFactor]  # of what led to it, or was known before
     factors: list[gtsam.NonlinearFactor]

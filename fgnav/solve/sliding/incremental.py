@@ -163,7 +163,7 @@ class IncrementalSmoother:
         return steps, delta[first : first + b]
 
     def is_fixed(self, k: int) -> bool:
-        """Return whether what has been marginalised knows a keyframe where it is linearised."""
+        """Return True if marginalization has fixed the linearization point of a keyframe."""
         if self.is_chain:
             return k == self.oldest and k > 0
         return bool(self.isam2.getFixedVariables().count(self._layout.keyframe(k)[0]))

@@ -54,7 +54,7 @@ class LinearWindow:
         self._eliminated: Elimination
 
     def __len__(self) -> int:
-        """Return how many keyframes there are."""
+        """Return the number of keyframes."""
         return len(self._sources)
 
     @property
@@ -144,7 +144,7 @@ class LinearWindow:
         problem.motion.release(row)
 
     def marginal(self) -> gtsam.NonlinearFactor:
-        """Return what is known of the oldest keyframe by those that were taken out."""
+        """Return the information about the oldest keyframe from the marginalized ones."""
         message, point = self._eliminated.message, gtsam.Values()
         insert_keyframe(point, self.layout, self.oldest, self.states)
         insert_constants(point, self.layout, self.states.constants)
@@ -153,7 +153,7 @@ class LinearWindow:
         return gtsam.LinearContainerFactor(message, point)
 
     def arcs_size(self, row: int) -> int:
-        """Return how many dimensions the arcs of a keyframe have, counted from the oldest."""
+        """Return the dimensions of the arcs of a keyframe, counted from the oldest."""
         return self._arc_size[self._block[row]]
 
     def _arcs(self, i: int) -> list[tuple[int, int]]:

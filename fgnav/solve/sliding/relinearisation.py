@@ -1,4 +1,4 @@
-"""Which states a window linearises anew, and which estimates are too far from there.
+"""Criteria of relinearization in a window.
 
 Parameters stay where they are: one shared variable relinearised has the whole window eliminated
 anew.
@@ -37,7 +37,7 @@ REPEATS = 5  # relinearisations after one update, at most; the next update goes 
 
 
 def may_leave(sigma_rad: float, span_s: float) -> bool:
-    """Return whether what has left a window may be marginalised, which ends its relinearisation.
+    """Return True if states that have left the window may be marginalized.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def may_leave(sigma_rad: float, span_s: float) -> bool:
 
 
 def has_gyroscope(steps: FloatArray) -> bool:
-    """Return whether steps, (n, D), are those of a flight with a gyroscope."""
+    """Return True if steps, (n, D), are those of a flight with a gyroscope."""
     return bool(steps.shape[1] == AUX + _GYROSCOPE_AUX)
 
 
@@ -76,7 +76,7 @@ def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:
 
 
 def relaxed(share: float, steps: FloatArray, before: FloatArray) -> float:
-    """Return which share of its steps a search takes next, (n, D), after a share of those before.
+    """Compute the shares of its steps that a search takes next, (n, D), after the previous shares.
 
     Where level and forces are hardly known, steps overshoot and undo each other, the longer the
     further: Aitken's relaxation takes as much as would have led to the end.
@@ -92,7 +92,7 @@ def relaxed(share: float, steps: FloatArray, before: FloatArray) -> float:
 
 
 def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
-    """Return which keyframes are to be linearised anew, (n,), by their steps, (n, D).
+    """Select keyframes to relinearize, (n,), by their steps, (n, D).
 
     ``times`` as far as else counts as far.
     """
@@ -104,7 +104,7 @@ def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
 
 
 def is_rough(steps: FloatArray, covariance: FloatArray) -> BoolArray:
-    """Return which of m estimates are too far from where they are linearised, (m,).
+    """Select those of m estimates that are too far from their linearization points, (m,).
 
     An attitude unknown to half a radian and more is wherever it is linearised: its sigma says so.
 

@@ -73,7 +73,7 @@ class FixedLag:
         self._is_slow = False  # whether such keyframes are far apart
 
     def __len__(self) -> int:
-        """Return how many keyframes have not left."""
+        """Return the number of keyframes in the window."""
         return len(self._t_s) - self._departed
 
     @property
@@ -216,7 +216,7 @@ class FixedLag:
         return True
 
     def _may_leave(self, oldest: int) -> bool:
-        """Return whether the attitude is known where the window would begin."""
+        """Return True if the attitude is known where the window would begin."""
         if self._keep:
             return True
         sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
@@ -266,7 +266,7 @@ class FixedLag:
 
     @property
     def _t_s(self) -> list[float]:
-        """Of all keyframes so far."""
+        """Times of all keyframes so far."""
         return self._linear.t_s
 
     @property
@@ -290,7 +290,7 @@ class FixedLag:
             share = relaxed(share, self._steps, before)
 
     def _far(self, times: float = 1.0) -> BoolArray:
-        """Return which keyframes are too far from where they are linearised, and may be moved."""
+        """Select keyframes that are too far from their linearization points and may be moved."""
         smoother = self._alive
         if self._keep or not len(self._steps):
             return np.zeros(len(self._steps), dtype=np.bool_)
@@ -303,7 +303,7 @@ class FixedLag:
 
     @property
     def _is_free(self) -> bool:
-        """Return whether the oldest keyframe, too, may be linearised anew."""
+        """Return True if the oldest keyframe, too, may be linearised anew."""
         return self._layout.gyroscope and self._alive.is_chain
 
     def _estimated(self, numbers: range) -> States:

@@ -21,6 +21,7 @@ from fgnav.evaluation.report.render import sheets
 from fgnav.evaluation.report.save import check_report, page, save_report, write
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import CalibratedParameter, Consistency, Rejected
+from tests.evaluation.conftest import Lost, Off, true_state
 
 PARTS = (
     *("summary", "errors", "motion", "sigmas", "sky", "integers"),
@@ -201,7 +202,7 @@ def test_each_format_is_written_and_pictures_of_an_earlier_report_go(flown_repor
     assert (tmp_path / "c.html").read_text().startswith("<!doctype html>")
 
 
-def test_what_cannot_be_written_is_said_before_anything_is(flight, lost, tmp_path):
+def test_what_cannot_be_written_is_said_before_anything_is(flight, tmp_path):
     with pytest.raises(BadInputError, match=r"end its name in \.html, \.png or \.pdf"):
         check_report(tmp_path / "report.docx")
     (tmp_path / "file").touch()
@@ -209,7 +210,7 @@ def test_what_cannot_be_written_is_said_before_anything_is(flight, lost, tmp_pat
         check_report(tmp_path / "file" / "new" / "report.html")
     check_report(tmp_path / "absent" / "report.html")  # will be made
     with pytest.raises(BadInputError, match="no method has an estimate to report"):
-        save_report(compare(flight, [lost()]), flight, tmp_path / "a.html")
+        save_report(compare(flight, [Lost()]), flight, tmp_path / "a.html")
 
 
 def test_nothing_that_draws_is_loaded_before_a_figure_is_drawn():
@@ -220,17 +221,17 @@ def test_nothing_that_draws_is_loaded_before_a_figure_is_drawn():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_seed_set_up_and_versions_are_said_and_no_name_is_markup(text, flight, off):
+def test_seed_set_up_and_versions_are_said_and_no_name_is_markup(text, flight):
     assert "simulated with seed 17" in text
     assert "&lt;demo&gt;" in text
     assert "<demo>" not in text
     for word in ("numpy", "gtsam", "gnss_noise phase_m", "antenna a8", " 1C"):
         assert word in text
-    report = comparison_report(compare(flight, [off("<b>&")]), flight)
+    report = comparison_report(compare(flight, [Off("<b>&")]), flight)
     assert "<b>" not in page(report)
 
 
-def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
+def test_what_was_left_out_and_estimated_stands_with_its_reason(flight):
     t_s = np.concatenate([np.arange(0, 4, 0.1), np.arange(6, 10, 0.1)])
     phase = Rejected(what="phase", link="a3 G05 1C", from_s=1.0, until_s=2.0, reason="echo")
     value, covariance = np.array([0.25]), np.array([[0.01]])
@@ -246,7 +247,7 @@ def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
         "consistency": (Consistency(**tested, deciles=deciles),),
         "calibration": (boresight,),
     }
-    report = comparison_report(compare(flight, [off("careful", t_s=t_s, more=more)]), flight)
+    report = comparison_report(compare(flight, [Off("careful", t_s=t_s, more=more)]), flight)
     assert {"echo", "a3 G05 1C", "below the mask", "3.90", "6.00"} <= set(
         cells_of(report, "exclusions")
     )
@@ -257,10 +258,10 @@ def test_what_was_left_out_and_estimated_stands_with_its_reason(flight, off):
     assert "95 % of 50 independent" in shares.rules.values()
 
 
-def test_a_flight_without_truth_or_sensors_still_has_its_report(flight, off, lost, tmp_path):
+def test_a_flight_without_truth_or_sensors_still_has_its_report(flight, tmp_path):
     flight = replace(flight, truth=None)
-    blind = off("blind", more={"unobservable": ("attitude",)})
-    comparison = compare(flight, [blind, off("b"), lost()])
+    blind = Off("blind", more={"unobservable": ("attitude",)})
+    comparison = compare(flight, [blind, Off("b"), Lost()])
     report = comparison_report(comparison, flight)
     names = {part.name for part in report.parts}
     assert "errors" not in names
@@ -273,7 +274,7 @@ def test_a_flight_without_truth_or_sensors_still_has_its_report(flight, off, los
     assert (tmp_path / "a.html").stat().st_size > 1000
 
 
-def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
+def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight):
     t_s = np.arange(36_000) * 0.1
     covariance = np.tile(1e-4 * np.eye(3), (len(t_s), 1, 1))
     noise = 0.01 * np.random.default_rng(1).standard_normal((len(t_s), 3))
@@ -281,7 +282,7 @@ def test_an_hour_is_a_small_page_and_keeps_its_spikes(flight, off, true_state):
         ("attitude_covariance_rad2", "position_covariance_m2", "velocity_covariance_m2ps2"),
         covariance,
     )
-    methods = [off(f"m{k}", noise, 0.1, t_s=t_s, more=stated) for k in range(2)]
+    methods = [Off(f"m{k}", noise, 0.1, t_s=t_s, more=stated) for k in range(2)]
     flight = replace(flight, truth=true_state(t_s))
     assert len(page(comparison_report(compare(flight, methods), flight))) < 2.8e6
     y = np.zeros(len(t_s))
@@ -323,3 +324,24 @@ def test_wrong_integers_show_in_time(flown):
     tables = blocks_of(part_of(comparison_report(comparison, flight), "integers").blocks, Table)
     (arcs,) = (table for table in tables if "arcs" in table.caption)
     assert f"of {sum(len(m.arcs) for m in comparison.methods)};" in arcs.caption
+
+
+def test_residuals_by_satellite_are_the_noise_and_a_spoilt_one_stands_out(flown):
+    flight, comparison = flown
+    differences = comparison.double_differences
+    spoilt = int(np.flatnonzero(differences.resolvable.all(axis=(0, 1)))[0])
+    phase_m = differences.phase_m.copy()
+    phase_m[:, ::2, spoilt] += 0.05
+    other = replace(comparison, double_differences=replace(differences, phase_m=phase_m))
+    name = f"{differences.satellites[spoilt]} {differences.signals[spoilt]}"
+    rms = {}
+    for key, of in (("noise", comparison), ("spoilt", other)):
+        (folded,) = (b for b in part_of(comparison_report(of, flight), "sky").blocks[1:])
+        phase, code = blocks_of([folded], Table)
+        rms[key] = {row[0]: float(row[1]) for row in phase.rows}
+    sigma_mm = 1e3 * np.sqrt(2 * differences.phase_variance_m2[:, spoilt].mean())
+    assert 0.5 * sigma_mm < rms["noise"][name] < 1.5 * sigma_mm
+    assert max(rms["spoilt"], key=rms["spoilt"].get) == name
+    assert rms["spoilt"][name] > 20.0
+    assert [head.split(", ")[0] for head in code.heads[1:]] == ["maximum-likelihood", "rtk"]
+    assert all(0.05 < float(row[1]) < 3.0 for row in code.rows)

@@ -173,44 +173,38 @@ def test_without_doppler_there_is_no_velocity():
     assert np.isnan(solution.clock_drift_sps).all()
 
 
-def test_missing_observations_are_named():
-    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
-    with pytest.raises(NoSolutionError, match="flight made: position needs GNSS observations"):
-        code_solution(replace(flight, observations=None))
-    with pytest.raises(NoSolutionError, match="antenna a1: no code observation of a supported"):
-        code_solution(with_code(flight, np.full_like(codes(flight), np.nan)))
-
-
-def test_missing_orbits_are_named():
-    flight = replace(Made(t_s=T_S[:3], arms_b_m=ONE).flight(), observations=None, broadcast=None)
-    with pytest.raises(NoSolutionError, match="flight made: GNSS needs navigation or orbits files"):
-        orbits_of(flight)
-
-
-def test_no_epoch_with_a_solution_says_why():
-    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+def three_satellites(flight):
     code_m = codes(flight)
     code_m[:, :, 3:] = np.nan
-    with pytest.raises(NoSolutionError, match=r"no epoch has a code solution .*fewer satellites"):
-        code_solution(with_code(flight, code_m))
+    return with_code(flight, code_m)
 
 
-def test_observations_without_any_channel_are_no_solution():
-    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+def no_channel(flight):
     none = np.empty((3, 1, 0))
-    empty = Observations(
-        t_s=T_S[:3],
-        tag_s=T_S[:3, None],
-        satellites=(),
-        signals=(),
-        code_m=none,
-        phase_cycles=none,
-        doppler_hz=none,
-        cn0_dbhz=none,
-        lock_flags=none,
-    )
-    with pytest.raises(NoSolutionError, match="no code observation of a supported satellite"):
-        code_solution(replace(flight, observations=empty))
+    values = dict.fromkeys(("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags"), none)
+    empty = Observations(t_s=T_S[:3], tag_s=T_S[:3, None], satellites=(), signals=(), **values)
+    return replace(flight, observations=empty)
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "text"),
+    [
+        (lambda f: replace(f, observations=None), "flight made: position needs GNSS observations"),
+        (
+            lambda f: with_code(f, np.full_like(codes(f), np.nan)),
+            "antenna a1: no code observation of a supported",
+        ),
+        (no_channel, "no code observation of a supported satellite"),
+        (three_satellites, "no epoch has a code solution .*fewer satellites"),
+    ],
+)
+def test_what_is_missing_for_a_position_is_named(spoilt, text):
+    flight = Made(t_s=T_S[:3], arms_b_m=ONE).flight()
+    with pytest.raises(NoSolutionError, match=text):
+        code_solution(spoilt(flight))
+    blind = replace(flight, observations=None, broadcast=None)
+    with pytest.raises(NoSolutionError, match="flight made: GNSS needs navigation or orbits files"):
+        orbits_of(blind)
 
 
 @pytest.mark.parametrize("antenna", [0, 1])

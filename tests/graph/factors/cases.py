@@ -1,27 +1,15 @@
-"""Random states, constants and what every sensor's factor must satisfy."""
+"""What every sensor's factor must satisfy."""
 
 import gtsam
 import numpy as np
 
-from fgnav.geometry.rotations import exp
 from fgnav.graph import keys
+from fgnav.graph.factors.check import random_states as random_states
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import AUX, States
 
 STEP = 1e-6
-
-
-def random_states(
-    n: int, shared: Parameters, rng: np.random.Generator, *, gyroscope: bool = False
-) -> States:
-    return States(
-        R_nb=exp(rng.normal(size=(n, 3))),
-        p_n_m=50 * rng.normal(size=(n, 3)),
-        v_n_mps=10 * rng.normal(size=(n, 3)),
-        aux=rng.normal(size=(n, 6 if gyroscope else 12)),
-        constants=0.3 * rng.normal(size=shared.width),
-    )
 
 
 def differences(measurement: Sensor, at: States, which) -> tuple[np.ndarray, np.ndarray]:

@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import from_euler, log, transpose
+from fgnav.graph import keys
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.types.flight import Imu
@@ -135,25 +137,52 @@ def by_differences(motion: Motion, before: States, after: States) -> list[FloatA
         columns = [(value(i, h) - value(i, -h)) / (2 * h) for i in range(width)]
         return np.stack(columns, axis=2) if width else np.zeros((n, D, 0))
 
+    def value(first: States, second: States) -> FloatArray:
+        return motion.linearise(first, second, every).value
+
+    def step(i: int, h: float) -> FloatArray:
+        return steps_of_all(D, i, h, n)
+
+    still = np.zeros((n, D))
     return [
-        slopes(
-            D,
-            lambda i, h: (
-                motion.linearise(before.moved(steps_of_all(D, i, h, n), none), after, every).value
-            ),
-        ),
-        slopes(
-            D,
-            lambda i, h: (
-                motion.linearise(before, after.moved(steps_of_all(D, i, h, n), none), every).value
-            ),
-        ),
-        slopes(
-            b,
-            lambda i, h: (
-                motion.linearise(
-                    before.moved(np.zeros((n, D)), h * np.eye(b)[i]), after, every
-                ).value
-            ),
-        ),
+        slopes(D, lambda i, h: value(before.moved(step(i, h), none), after)),
+        slopes(D, lambda i, h: value(before, after.moved(step(i, h), none))),
+        slopes(b, lambda i, h: value(before.moved(still, h * np.eye(b)[i]), after)),
     ]
+
+
+def ends(states: States) -> tuple[States, States]:
+    """States at the beginning and at the end of every interval."""
+    return states.at(slice(0, -1)), states.at(slice(1, None))
+
+
+def every(motion: Motion) -> np.ndarray:
+    """All intervals of a motion."""
+    return np.arange(len(motion.t_s) - 1)
+
+
+def assert_derivatives(motion: Motion, states: States) -> None:
+    """Hold the Jacobians of all intervals against central differences, row by row."""
+    before, after = ends(states)
+    linear = motion.linearise(before, after, every(motion))
+    size = np.abs(linear.before).max(axis=2, keepdims=True)
+    for exact, numeric in zip(linear[1:], by_differences(motion, before, after), strict=True):
+        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
+
+
+def linear_system(motion: Motion, states: States, constants: FloatArray | None = None):
+    """GTSAM's ``A, b`` of interval 3, its factor's error, and the kernel's of the same states."""
+    linear = motion.linearise(*ends(states), every(motion))
+    values = gtsam.Values()
+    for row, key in ((3, 7), (4, 2)):
+        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(states.R_nb[row]), states.p_n_m[row]))
+        values.insert(keys.velocity(key), states.v_n_mps[row])
+        if constants is None:
+            bias = gtsam.imuBias.ConstantBias(states.aux[row, :3], states.aux[row, 3:])
+            values.insert(keys.imu_bias(key), bias)
+        else:
+            values.insert(keys.angular_motion(key), states.aux[row])
+    if constants is not None:
+        values.insert(keys.constant(1), constants)
+    (factor,) = motion.factors(3, 7, 2, states.at(slice(3, 4)))
+    return *factor.linearize(values).jacobian(), factor.error(values), linear

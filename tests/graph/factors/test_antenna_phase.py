@@ -51,7 +51,7 @@ def values_of(at, arcs):
 @pytest.mark.parametrize("lever", [False, True])
 def test_jacobians_equal_differences(lever):
     rng, shared = np.random.default_rng(1), sensors.constants(LEVER_ARM)
-    at = cases.random_states(1, shared, rng)
+    at = cases.random_states(1, rng, shared)
     factor = phases(rng, shared, lever=lever).factor(0, 0)
     values = values_of(at, [rng.normal(size=5)])
     J, minus_r = factor.linearize(values).jacobian()
@@ -73,7 +73,7 @@ def test_jacobians_equal_differences(lever):
 
 def test_the_residual_is_the_equation():
     rng, shared = np.random.default_rng(2), sensors.constants(LEVER_ARM)
-    at, of = cases.random_states(1, shared, rng), phases(rng, shared, lever=True)
+    at, of = cases.random_states(1, rng, shared), phases(rng, shared, lever=True)
     A, one = rng.normal(size=5), of.rows[0]
     place = at.p_n_m[0] + at.R_nb[0] @ (of.arm_b_m[0] + at.constants[:3])
     expected = one.G @ place + one.H @ A - one.z
@@ -83,7 +83,7 @@ def test_the_residual_is_the_equation():
 
 def test_a_block_follows_from_the_one_before():
     rng, shared = np.random.default_rng(3), sensors.constants(LEVER_ARM)
-    at, of = cases.random_states(1, shared, rng), phases(rng, shared)
+    at, of = cases.random_states(1, rng, shared), phases(rng, shared)
     arcs = [rng.normal(size=5), rng.normal(size=4)]
     values, one = values_of(at, arcs), of.blocks[1]
     r = one.after @ arcs[1] - one.before @ arcs[0] - one.right

@@ -2,14 +2,12 @@
 
 from dataclasses import replace
 
-import gtsam
 import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.geometry.rotation_kernel import accumulated
 from fgnav.geometry.rotations import exp
-from fgnav.graph import keys
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.parameters import Parameters, flight_constant
@@ -18,7 +16,10 @@ from fgnav.process import matern
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,
-    by_differences,
+    assert_derivatives,
+    ends,
+    every,
+    linear_system,
     moved_at_random,
     sine,
     spin,
@@ -75,14 +76,6 @@ def of_motion(motion, T, n=20, **options):
     states = motion.states(t_s, gyroscope=False, constants=np.zeros(CONSTANTS.width))
     states.constants[RATE] = states.aux[:, 3:6].mean(axis=0)
     return gyro_free(motion.imu(n * T, 100.0, gyroscope=False), t_s, **options), states
-
-
-def ends(states):
-    return states.at(slice(0, -1)), states.at(slice(1, None))
-
-
-def every(motion):
-    return np.arange(len(motion.t_s) - 1)
 
 
 @pytest.mark.parametrize(
@@ -161,54 +154,28 @@ def _simulated(rng, *, until_s, lengths_s, variance):
     return time_s[rows], imu, states
 
 
-@pytest.mark.parametrize(("motion", "T"), [(sine(45.0), 0.1), (spin(2.0), 0.05), (sine(20.0), 0.5)])
-def test_derivatives_are_those_of_the_residuals(motion, T):
+@pytest.mark.parametrize(
+    ("motion", "T", "lasts"),
+    [
+        (sine(45.0), 0.1, False),
+        (spin(2.0), 0.05, False),
+        (sine(20.0), 0.5, False),
+        (sine(45.0), 0.1, True),
+    ],
+)
+def test_derivatives_are_differences_and_gtsams_factor_is_the_kernel(motion, T, lasts):
     factors, states = of_motion(motion, T, 5)
-    before, after = ends(moved_at_random(states, np.random.default_rng(1), 0.05))
-    linear = factors.linearise(before, after, every(factors))
-    for exact, numeric in zip(linear[1:], by_differences(factors, before, after), strict=True):
-        size = np.abs(linear.before).max(axis=2, keepdims=True)  # of each row
-        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
-    assert not linear.shared[:, :, : RATE.start].any()
-
-
-def test_gtsams_factor_is_the_kernel():
-    factors, states = of_motion(sine(45.0), 0.1, 5)
-    moved = moved_at_random(states, np.random.default_rng(2), 0.02)
-    linear = factors.linearise(*ends(moved), every(factors))
-    values = gtsam.Values()
-    for row, key in ((3, 7), (4, 2)):
-        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(moved.R_nb[row]), moved.p_n_m[row]))
-        values.insert(keys.velocity(key), moved.v_n_mps[row])
-        values.insert(keys.angular_motion(key), moved.aux[row])
-    values.insert(keys.constant(1), moved.constants[RATE])
-    (factor,) = factors.factors(3, 7, 2, moved.at(slice(3, 4)))
-    A, b = factor.linearize(values).jacobian()
-    expected = np.hstack([linear.before[3], linear.after[3], linear.shared[3, :, RATE]])
-    np.testing.assert_allclose(A, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-    np.testing.assert_allclose(b, -linear.value[3], rtol=0, atol=1e-9 * np.abs(b).max())
-    assert 2 * factor.error(values) == pytest.approx((linear.value[3] ** 2).sum(), rel=1e-9)
-
-
-def test_a_lasting_error_beside_the_motion_is_gtsams_as_well():
     rng = np.random.default_rng(12)
-    factors, states = with_lasting(*of_motion(sine(45.0), 0.1, 5), rng)
-    before, after = ends(moved_at_random(states, rng, 0.02))
-    linear = factors.linearise(before, after, every(factors))
-    for exact, numeric in zip(linear[1:], by_differences(factors, before, after), strict=True):
-        size = np.abs(linear.before).max(axis=2, keepdims=True)
-        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
-    values = gtsam.Values()
-    for at, key in ((before, 7), (after, 2)):
-        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(at.R_nb[3]), at.p_n_m[3]))
-        values.insert(keys.velocity(key), at.v_n_mps[3])
-        values.insert(keys.angular_motion(key), at.aux[3])
-    values.insert(keys.constant(1), before.constants[RATE])
-    (factor,) = factors.factors(3, 7, 2, before.at(slice(3, 4)))
-    A, b = factor.linearize(values).jacobian()
+    if lasts:
+        factors, states = with_lasting(factors, states, rng)
+    moved = moved_at_random(states, rng, 0.02)
+    assert_derivatives(factors, moved)
+    A, b, error, linear = linear_system(factors, moved, moved.constants[RATE])
+    assert not linear.shared[:, :, : RATE.start].any()
     expected = np.hstack([linear.before[3], linear.after[3], linear.shared[3, :, RATE]])
     np.testing.assert_allclose(A, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
     np.testing.assert_allclose(b, -linear.value[3], rtol=0, atol=1e-9 * np.abs(b).max())
+    assert 2 * error == pytest.approx((linear.value[3] ** 2).sum(), rel=1e-9)
 
 
 def test_a_lasting_error_keeps_its_covariance():

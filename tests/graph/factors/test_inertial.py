@@ -2,18 +2,19 @@
 
 from dataclasses import replace
 
-import gtsam
 import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.graph import keys
 from fgnav.graph.inertial.increments import at_latest
 from fgnav.graph.inertial.preintegrated import TURNED_RAD, Inertial
 from tests.graph.factors.motions import (
     EARTH_N_RADPS,
     GRAVITY_N_MPS2,
-    by_differences,
+    assert_derivatives,
+    ends,
+    every,
+    linear_system,
     moved_at_random,
     sine,
     spin,
@@ -38,14 +39,6 @@ def of_motion(motion, T, n=20, constants=0, **options):
     t_s = np.arange(n + 1) * T
     states = motion.states(t_s, gyroscope=True, constants=np.zeros(constants))
     return inertial(motion.imu(n * T, 100.0, gyroscope=True), t_s, **options), states
-
-
-def ends(states):
-    return states.at(slice(0, -1)), states.at(slice(1, None))
-
-
-def every(motion):
-    return np.arange(len(motion.t_s) - 1)
 
 
 @pytest.mark.parametrize(("motion", "T"), [(sine(45.0), 0.1), (spin(2.0), 0.1), (sine(45.0), 0.5)])
@@ -85,12 +78,9 @@ def test_noisy_samples_with_walking_biases_have_residuals_of_variance_one():
 @pytest.mark.parametrize("motion", [sine(45.0), spin(2.0)])
 def test_derivatives_are_those_of_the_residuals(motion):
     factors, states = of_motion(motion, 0.1, 5, constants=2)
-    before, after = ends(moved_at_random(states, np.random.default_rng(1), 1e-3))
-    linear = factors.linearise(before, after, every(factors))
-    for exact, numeric in zip(linear[1:], by_differences(factors, before, after), strict=True):
-        size = np.abs(linear.before).max(axis=2, keepdims=True)  # of each row
-        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
-    assert linear.shared.shape == (5, 15, 2)
+    moved = moved_at_random(states, np.random.default_rng(1), 1e-3)
+    assert_derivatives(factors, moved)
+    assert factors.linearise(*ends(moved), every(factors)).shared.shape == (5, 15, 2)
 
 
 @pytest.mark.parametrize("size", [1e-3, 0.5])  # of the residual, m, rad
@@ -99,15 +89,7 @@ def test_gtsams_factor_has_the_blocks_of_the_chain(size):
     factors.linearise(*ends(states), every(factors))  # about these biases from now on
     moved = moved_at_random(states, np.random.default_rng(2), size)
     moved.aux[:, 3:] *= 0.5 * TURNED_RAD / (0.1 * np.abs(moved.aux[:, 3:]).max())
-    linear = factors.linearise(*ends(moved), every(factors))
-    values = gtsam.Values()
-    for row, key in ((3, 7), (4, 2)):
-        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(moved.R_nb[row]), moved.p_n_m[row]))
-        values.insert(keys.velocity(key), moved.v_n_mps[row])
-        bias = gtsam.imuBias.ConstantBias(moved.aux[row, :3], moved.aux[row, 3:])
-        values.insert(keys.imu_bias(key), bias)
-    (factor,) = factors.factors(3, 7, 2, moved.at(slice(3, 4)))
-    A, b = factor.linearize(values).jacobian()
+    A, b, _, linear = linear_system(factors, moved)
     blocks = [linear.before[3, :, :9], linear.after[3, :, :9]]
     blocks += [linear.before[3, :, 9:], linear.after[3, :, 9:]]
     np.testing.assert_allclose(A, np.hstack(blocks), rtol=0, atol=1e-9 * np.abs(A).max())

@@ -61,14 +61,14 @@ def test_derivatives_are_differences_and_gtsam_says_the_same(sensor, names, gyro
     if sensor is sensors.resting and not gyroscope:
         pytest.skip("a rate at rest is a gyroscope's")
     rng, shared = np.random.default_rng(1), sensors.constants(*names, "another")
-    at = cases.random_states(K, shared, rng, gyroscope=gyroscope)
+    at = cases.random_states(K, rng, shared, gyroscope=gyroscope)
     cases.assert_factor(sensor(rng, at).bound(shared), at, shared)
 
 
 @pytest.mark.parametrize("names", [(), (FLOAT_AMBIGUITIES,)], ids=["fixed", "float"])
 def test_a_correlated_error_of_phases_is_a_part_of_the_keyframes_vector(names):
     rng, shared = np.random.default_rng(6), sensors.constants("another", *names)
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     at = at._replace(aux=np.hstack([at.aux, rng.normal(size=(K, 6))]))
     form = sensors.phases(rng, at, correlated=6).bound(shared)
     cases.assert_jacobians(form, at)
@@ -84,7 +84,7 @@ def test_a_correlated_error_of_phases_is_a_part_of_the_keyframes_vector(names):
 
 def test_rows_of_zeros_are_no_degrees_of_freedom():
     rng, shared = np.random.default_rng(4), sensors.constants()
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     for full, field in ((sensors.position(rng, at), "white"), (sensors.phases(rng, at), "root")):
         whitening = getattr(full, field).copy()
         whitening[0, 2:] = 0.0
@@ -109,7 +109,7 @@ def test_the_same_measurements_stand_on_other_rows():
 
 def test_an_antenna_two_metres_ahead_is_two_metres_north_of_a_body_facing_north():
     shared = sensors.constants()
-    at = cases.random_states(K, shared, np.random.default_rng(3))
+    at = cases.random_states(K, np.random.default_rng(3), shared)
     at = at._replace(R_nb=np.tile(np.eye(3), (K, 1, 1)), p_n_m=np.zeros((K, 3)))
     arm_b_m = np.array([2.0, 0.0, 0.0])
     ahead = replace(sensors.position(np.random.default_rng(3), at), arm_b_m=arm_b_m)
@@ -119,7 +119,7 @@ def test_an_antenna_two_metres_ahead_is_two_metres_north_of_a_body_facing_north(
 
 def test_a_turn_to_the_right_moves_an_antenna_ahead_to_the_right():
     shared = sensors.constants()
-    at = cases.random_states(K, shared, np.random.default_rng(3))
+    at = cases.random_states(K, np.random.default_rng(3), shared)
     aux = np.zeros((K, 12))
     aux[:, 5] = 1.0  # rad/s about down
     at = at._replace(R_nb=np.tile(np.eye(3), (K, 1, 1)), v_n_mps=np.zeros((K, 3)), aux=aux)
@@ -134,7 +134,7 @@ def test_a_turn_to_the_right_moves_an_antenna_ahead_to_the_right():
 def test_an_array_of_known_shape_is_a_form_of_the_rotation():
     """vec(R) enters the baselines linearly: root of the one, times that, is root of the other."""
     rng, shared = np.random.default_rng(3), sensors.constants()
-    at, minimum = (cases.random_states(K, shared, rng) for _ in range(2))
+    at, minimum = (cases.random_states(K, rng, shared) for _ in range(2))
     shape = sensors.shape(rng, at)
     exact = replace(shape, minimum_n_m=np.einsum("nij,aj->nai", minimum.R_nb, shape.baselines_b_m))
     by_rotation = np.einsum("ij,bc->bijc", np.eye(3), shape.baselines_b_m).reshape(12, 9)
@@ -152,7 +152,7 @@ def test_a_heading_is_off_by_as_much_as_the_body_is_turned_whatever_its_pitch():
     turned_rad, pitch_rad = np.array([-3.0, -0.2, 0.4, 3.1]), np.array([0.0, 0.5, -1.2, 0.9])
     one = replace(sensors.heading(rng, None), baseline_b_m=np.array([0.7, 0.0, 0.0]))
     heading_rad = np.arctan2(one.value_n_m[:, 1], one.value_n_m[:, 0])
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     at = at._replace(R_nb=from_euler(np.zeros(K), pitch_rad, heading_rad + turned_rad))
     value = one.linearise(at, ROWS).value
     np.testing.assert_allclose(value[:, 0], 20.0 * turned_rad, atol=1e-12)
@@ -163,7 +163,7 @@ def test_a_heading_is_off_by_as_much_as_the_body_is_turned_whatever_its_pitch():
 def test_a_field_against_the_measured_one_is_further_off_than_one_across():
     """Its sine is zero there: an accelerometer reversed was a body upside down, NEES 3e7."""
     rng, shared = np.random.default_rng(9), sensors.constants(HARD_IRON)
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     seen_b = np.einsum("nji,j->ni", at.R_nb, sensors.FIELD_N_UT)
     round_b = Directions.isotropic(sensors.unit(seen_b), np.radians(1.0)).across_b
     one = replace(sensors.field(rng, at), across_b=round_b).bound(shared)
@@ -178,7 +178,7 @@ def test_a_field_against_the_measured_one_is_further_off_than_one_across():
 
 def test_the_size_of_a_hard_iron_along_the_field_does_not_count():
     rng, shared = np.random.default_rng(5), sensors.constants(HARD_IRON)
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     at = at._replace(R_nb=np.tile(np.eye(3), (K, 1, 1)))
     part = sensors.field(rng, at).bound(shared)
     values = [
@@ -191,7 +191,7 @@ def test_the_size_of_a_hard_iron_along_the_field_does_not_count():
 
 def test_a_degree_off_a_round_direction_is_a_degree_in_sigmas():
     shared, down_b = sensors.constants(), np.tile([0.0, 0.0, 1.0], (K, 1))
-    at = cases.random_states(K, shared, np.random.default_rng(3))
+    at = cases.random_states(K, np.random.default_rng(3), shared)
     at = at._replace(R_nb=exp(np.radians(np.tile([1.0, 0.0, 0.0], (K, 1)))))
     round_b = Directions.isotropic(down_b, np.radians(0.5)).across_b
     some = sensors.down(np.random.default_rng(3), at)
@@ -202,7 +202,7 @@ def test_a_degree_off_a_round_direction_is_a_degree_in_sigmas():
 
 def test_a_line_of_sight_is_gtsams_bearing_near_a_round_direction():
     rng, shared = np.random.default_rng(4), sensors.constants(LANDMARK)
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     way_b = sensors.unit(np.einsum("nji,nj->ni", at.R_nb, at.constants - at.p_n_m))
     e_b = sensors.unit(way_b + 1e-4 * rng.normal(size=(K, 3)))
     part = LineOfSight(row=ROWS, across_b=Directions.isotropic(e_b, 1e-3).across_b).bound(shared)
@@ -219,7 +219,7 @@ def test_a_line_of_sight_is_gtsams_bearing_near_a_round_direction():
 
 def test_between_two_nodes_the_offset_of_a_barometer_lies_on_a_straight_line():
     rng, shared = np.random.default_rng(3), sensors.constants("another", OFFSET)
-    at = cases.random_states(K, shared, rng)
+    at = cases.random_states(K, rng, shared)
     part = sensors.height(rng, at).bound(shared)
     none = at._replace(constants=np.zeros(5))
     some = at._replace(constants=np.array([0.0, 0.0, 1.0, 2.0, 4.0]))

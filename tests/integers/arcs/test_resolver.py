@@ -7,17 +7,14 @@ from numpy.testing import assert_array_equal
 from fgnav.checks import BadInputError
 from fgnav.geometry import rotations
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.arcs.kernel import Answers, carry, chance_of_epochs
-from fgnav.integers.arcs.resolver import Arcs, lambda_arcs, link_arcs, noise_as_shown
+from fgnav.integers.arcs.carried import Answers, carry, chance_of_epochs
+from fgnav.integers.arcs.resolver import Arcs, lambda_arcs, link_arcs
 from fgnav.integers.arcs.smoothing import effective, smoothed
-from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.rounding import Rounding
-from fgnav.io.flight.folder import load_flight
 from fgnav.types.differences import DoubleDifferences
 from tests.gnss.flights import Made as MadeFlight
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make, sky
-from tests.integers.wettzell import of_signals, surveyed_cycles, write_flight
 
 TWO_B_M = PAPER_ANTENNAS_B_M[[0, 3]]
 N, M = 60, 8
@@ -299,16 +296,3 @@ def test_threshold_that_is_no_probability_is_refused(wrong_max):
 def test_correlation_time_must_be_positive(correlation_s):
     with pytest.raises(BadInputError, match="correlation_s: must be positive, or None"):
         Arcs(inner=Lambda(), correlation_s=correlation_s)
-
-
-@pytest.mark.parametrize("mask_deg", [15, 35])
-def test_real_antennas_are_fixed_over_their_arcs_at_every_epoch_and_rightly(
-    shared, tmp_path, mask_deg
-):
-    flight = load_flight(write_flight(tmp_path, shared))
-    d = of_signals(double_differences(flight), {"G1"}, mask_deg)
-    enough = d.resolvable.sum(axis=(1, 2)) >= 4
-    inner = Constrained(wrong_max=None, estimate_noise=False)
-    found = Arcs(inner=inner, prepare=noise_as_shown)(d, flight)
-    assert_array_equal(found.cycles[found.fixed], surveyed_cycles(d)[found.fixed])
-    assert found.fixed[d.resolvable & enough[:, None, None]].mean() > 0.98

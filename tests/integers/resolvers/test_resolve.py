@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from fgnav.checks import BadInputError
 from fgnav.integers.resolvers import resolve as module
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.resolvers.rounding import Rounding
@@ -63,3 +64,11 @@ def test_integers_are_forgotten_with_the_flight(flight):
     gc.collect()
     assert there() is None
     assert integers.resolver == "rounding"
+
+
+def test_an_answer_for_other_links_is_rejected_by_name(flight):
+    def of_none(differences, of):
+        return Rounding()(differences[np.array([], dtype=int)], of)
+
+    with pytest.raises(BadInputError, match="resolver function: answers for"):
+        resolve(flight, of_none)

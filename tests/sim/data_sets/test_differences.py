@@ -17,7 +17,7 @@ from fgnav_sim.data_sets.world import (
     SatellitesTable,
     World,
 )
-from tests.integers.arrays import link_covariance
+from tests.sim.statistics import whitened_square
 
 WORLD = World(
     sites=AnySites(),
@@ -49,15 +49,7 @@ def test_residuals_of_the_true_integers_fill_the_stated_covariance():
     epochs, differences = drawn()
     residual_m = differences.phase_m - differences.array_m(epochs.R_nb)
     residual_m -= differences.wavelength_m * true_cycles(epochs, differences)
-    links = np.isfinite(residual_m) & ~differences.is_reference[:, None]
-    square = freedom = 0
-    for k in range(len(epochs)):
-        if not links[k].any():
-            continue
-        P = link_covariance(differences, k, links[k], differences.phase_variance_m2)
-        e = residual_m[k][links[k]]
-        square += e @ np.linalg.solve(P, e)
-        freedom += len(e)
+    square, freedom = whitened_square(differences, residual_m, differences.phase_variance_m2)
     assert freedom > 5000
     assert square == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom))
 

@@ -153,9 +153,3 @@ def test_files_of_another_date_are_refused(shared):
         BadInputError, match=r"no satellite of G at 2021-03-01T00:00:00; name files"
     ):
         seen(world, 1)
-
-
-def test_a_constellation_without_almanac_is_refused():
-    world = World(satellites=SatellitesTable(signals={"J": ("1C",)}))
-    with pytest.raises(BadInputError, match="no built-in almanac of constellation 'J'"):
-        seen(world, 1)

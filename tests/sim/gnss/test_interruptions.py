@@ -13,17 +13,11 @@ from fgnav_sim.gnss.tables import (
     OutageTable,
     SlipsTable,
 )
-from fgnav_sim.motion import Arc, Hold, Motion, Sine, Straight
+from fgnav_sim.motion import Hold, Motion, Straight
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
+from tests.sim.motions import STILL, SWING
 
-SWING = Motion(
-    path=Arc(),
-    roll=Sine(amplitude_deg=20.0),
-    pitch=Sine(amplitude_deg=20.0),
-    yaw=Sine(amplitude_deg=20.0),
-)
-STILL = Motion(path=Straight(speed_mps=0.0))
 ARRAY = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.5, 0.0))
 
 

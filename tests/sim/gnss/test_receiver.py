@@ -12,15 +12,9 @@ from fgnav.types.observations import LOST_LOCK
 from fgnav_sim.gnss.constellation import built_in_orbits
 from fgnav_sim.gnss.receiver import observe
 from fgnav_sim.gnss.tables import Cn0Table
-from fgnav_sim.motion import Arc, Motion, Sine, Straight
 from fgnav_sim.scenario import ClockTable, GnssTable, Scenario
+from tests.sim.motions import STILL, SWING
 
-SWING = Motion(
-    path=Arc(),
-    roll=Sine(amplitude_deg=20.0),
-    pitch=Sine(amplitude_deg=20.0),
-    yaw=Sine(amplitude_deg=20.0),
-)
 QUIET = GnssTable(
     code_noise_m=1e-9,
     phase_noise_m=1e-9,
@@ -114,7 +108,7 @@ def test_the_atmosphere_delays_code_and_the_ionosphere_advances_phase():
 
 @pytest.mark.parametrize("weights", ["uniform", "sine"])
 def test_noise_has_its_size_and_grows_toward_the_horizon_if_asked(weights):
-    scenario = Scenario(duration_s=200.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    scenario = Scenario(duration_s=200.0, motion=STILL)
     sizes = {"code_noise_m": 0.4, "phase_noise_m": 0.004, "doppler_noise_mps": 0.06}
     _, quiet = run(QUIET, scenario)
     orbits, noisy = run(changed(QUIET, elevation_weights=weights, **sizes), scenario)
@@ -135,7 +129,7 @@ def test_noise_has_its_size_and_grows_toward_the_horizon_if_asked(weights):
 
 
 def test_nothing_is_tracked_below_the_receivers_mask_and_cn0_grows_with_elevation():
-    scenario = Scenario(duration_s=4 * 3600.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    scenario = Scenario(duration_s=4 * 3600.0, motion=STILL)
     sensor = changed(QUIET, rate_hz=1 / 300.0, receiver_mask_deg=20.0)
     orbits, seen = run(sensor, scenario)
     times_s = np.repeat(seen.t_s[:, None] - 0.075, len(seen.satellites), axis=1)
@@ -151,7 +145,7 @@ def test_nothing_is_tracked_below_the_receivers_mask_and_cn0_grows_with_elevatio
 
 
 def test_a_satellite_that_rises_again_has_new_integers_and_says_so():
-    scenario = Scenario(duration_s=24 * 3600.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    scenario = Scenario(duration_s=24 * 3600.0, motion=STILL)
     _, seen = run(changed(QUIET, rate_hz=1 / 600.0), scenario)
     tracked = seen.tracked[:, 0]
     rises = np.vstack([np.zeros_like(tracked[:1]), tracked[1:] & ~tracked[:-1]])
@@ -170,7 +164,7 @@ def test_a_satellite_that_rises_again_has_new_integers_and_says_so():
 
 def test_noise_follows_carrier_to_noise_density_if_asked():
     cn0 = Cn0Table(horizon_dbhz=30.0, zenith_dbhz=48.0, sets_noise=True)
-    scenario = Scenario(duration_s=200.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    scenario = Scenario(duration_s=200.0, motion=STILL)
     _, quiet = run(changed(QUIET, cn0=cn0), scenario)
     _, noisy = run(changed(QUIET, cn0=cn0, code_noise_m=0.4), scenario)
     assert 30.0 < np.nanmin(quiet.cn0_dbhz) < np.nanmax(quiet.cn0_dbhz) <= 48.0
@@ -182,7 +176,7 @@ def test_noise_follows_carrier_to_noise_density_if_asked():
 
 @pytest.mark.parametrize("sets_noise", [True, False])
 def test_an_antenna_may_be_noisier_than_the_others(sets_noise):
-    scenario = Scenario(duration_s=100.0, motion=Motion(path=Straight(speed_mps=0.0)))
+    scenario = Scenario(duration_s=100.0, motion=STILL)
     flat = Cn0Table(horizon_dbhz=50.0, sets_noise=sets_noise)
     factors = (1.0, 1.0, 3.0, 1.0, 0.5, 1.0, 1.0, 1.0)
     _, quiet = run(QUIET, scenario)

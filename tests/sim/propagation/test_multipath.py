@@ -9,8 +9,8 @@ from fgnav_sim.motion import Motion, Rate, Straight
 from fgnav_sim.propagation.multipath import echoes
 from fgnav_sim.scenario import GnssTable, Scenario
 from fgnav_sim.simulate import simulate
+from tests.sim.motions import STILL
 
-STILL = Motion(path=Straight(speed_mps=0.0))
 L1_M = 299_792_458.0 / 1575.42e6
 FLOOR = ReflectorTable(point_b_m=(0.0, 0.0, 0.5), normal_b=(0.0, 0.0, -2.0), amplitude=0.4)
 NONE_TURNS = np.zeros((1, 3))

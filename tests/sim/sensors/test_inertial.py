@@ -7,7 +7,7 @@ from fgnav_sim.motion import Motion, Sine, Straight
 from fgnav_sim.scenario import ImuTable, Scenario
 from fgnav_sim.sensors.inertial import saturated, sense
 from fgnav_sim.simulate import simulate
-from tests.sim.allan import allan_deviation
+from tests.sim.statistics import allan_deviation
 
 GYROSCOPE = {
     "gyroscope_noise_radps_per_sqrt_hz": 1e-4,

@@ -1,15 +1,29 @@
 """Flown flights seen otherwise, and integrated by scipy on the same right-hand side."""
 
+from pathlib import Path
+
 import numpy as np
 from pymap3d import Ellipsoid, ecef2geodetic
 from scipy.integrate import solve_ivp
 
-from fgnav.geometry.earth import ned_axes
+import fgnav_sim
+from fgnav.geometry.earth import Origin, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav_sim.vehicle.forces import COEFFICIENTS, FINS, PATH, SIZE, P, Q, V, W
 from fgnav_sim.vehicle.model import pack
-from fgnav_sim.vehicle.rigid_body import Flown, rotations_of
+from fgnav_sim.vehicle.rigid_body import Flown, Launch, rotations_of
 from fgnav_sim.vehicle.rigid_body_kernel import derivative, rates
+from fgnav_sim.vehicle.tables import load_vehicle
+
+VEHICLES = Path(fgnav_sim.__file__).parent / "vehicles"
+ROCKET = load_vehicle(VEHICLES / "rocket.toml")
+
+
+def launch(latitude_rad=0.7, longitude_rad=-0.07, height_m=1000.0, **changes):
+    """Return a start: at rest, level, nose north, but for the changes."""
+    still = dict.fromkeys(("v_n_mps", "euler_rad", "w_ib_b_radps"), np.zeros(3))
+    origin = Origin(latitude_rad=latitude_rad, longitude_rad=longitude_rad, height_m=height_m)
+    return Launch(**{"origin": origin, **still, **changes})
 
 
 def geodetic_on(planet, p_e_m):

@@ -1,41 +1,38 @@
-from pathlib import Path
-
 import msgspec
 import numpy as np
 import pytest
 
-from fgnav.geometry.earth import Origin
 from fgnav_sim.motion import Command, Hold, Ramp, Rate, Sine
 from fgnav_sim.vehicle.atmosphere import Air, dryden
 from fgnav_sim.vehicle.autopilot import commanded
 from fgnav_sim.vehicle.forces import SPIN
 from fgnav_sim.vehicle.model import pack
 from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
-from fgnav_sim.vehicle.tables import Vehicle, load_vehicle
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
+from fgnav_sim.vehicle.tables import Vehicle
 from tests.sim.vehicle.reference import (
+    ROCKET,
     deflections_rad,
     euler_rad,
+    launch,
     places,
     rotation_eb,
     velocity_e_mps,
 )
 
-ROCKET = load_vehicle(
-    Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "vehicles" / "rocket.toml"
-)
 COASTING = msgspec.structs.replace(ROCKET, motor=None)
-ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=2000.0)
 
 
 def flown(
     commands: tuple[Command, Command, Command], vehicle: Vehicle = COASTING, air: Air | None = None,
     spin_radps: float = 60.0,
 ) -> Flown:  # fmt: skip
-    start = Launch(
-        origin=ORIGIN, v_n_mps=np.array([240.0, 0.0, -60.0]),
-        euler_rad=np.radians([0.0, 14.0, 0.0]), w_ib_b_radps=np.zeros(3), spin_radps=spin_radps,
-    )  # fmt: skip
+    start = launch(
+        height_m=2000.0,
+        v_n_mps=np.array([240.0, 0.0, -60.0]),
+        euler_rad=np.radians([0.0, 14.0, 0.0]),
+        spin_radps=spin_radps,
+    )
     plan = Plan(duration_s=8.0, commands=commands)
     return fly_batch([vehicle], [start], [air or Air()], plan)
 
@@ -92,11 +89,8 @@ def test_commands_in_the_table_are_those_of_the_motion_and_their_rates() -> None
 
 
 def test_a_boosted_rocket_leaves_the_ground_stable_and_comes_down_whole() -> None:
-    start = Launch(
-        origin=Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=100.0),
-        v_n_mps=np.array([3.0, 0.0, -30.0]), euler_rad=np.radians([0.0, 84.0, 0.0]),
-        w_ib_b_radps=np.zeros(3),
-    )  # fmt: skip
+    v_n_mps, euler_rad = np.array([3.0, 0.0, -30.0]), np.radians([0.0, 84.0, 0.0])
+    start = launch(height_m=100.0, v_n_mps=v_n_mps, euler_rad=euler_rad)
     passive = msgspec.structs.replace(ROCKET, autopilot=None, canards=None)
     plan = Plan(duration_s=80.0, row_interval_s=0.1, ground_m=100.0)
     flight = fly_batch([passive], [start], [Air()], plan)

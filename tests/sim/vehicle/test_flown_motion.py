@@ -6,9 +6,15 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.flown_motion import FlownMotion, flown_motion
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
 from fgnav_sim.vehicle.tables import BodyTable, Vehicle
-from tests.sim.vehicle.reference import position_e_m, rate_ib_b_radps, rotation_eb, velocity_e_mps
+from tests.sim.vehicle.reference import (
+    launch,
+    position_e_m,
+    rate_ib_b_radps,
+    rotation_eb,
+    velocity_e_mps,
+)
 
 ORIGIN = Origin(latitude_rad=0.7, longitude_rad=-0.07, height_m=500.0)
 BODY = Vehicle(body=BodyTable(mass_kg=3.0, inertia_kgm2=(0.02, 0.3, 0.31)))
@@ -16,11 +22,12 @@ OFF_ROWS_S = np.array([0.0033, 1.5519, 4.9987, 9.9951])
 
 
 def flown(row_interval_s: float = 0.01, ground_m: float = -5000.0) -> Flown:
-    start = Launch(
-        origin=Origin(latitude_rad=0.701, longitude_rad=-0.071, height_m=900.0),
-        v_n_mps=np.array([100.0, 30.0, -80.0]), euler_rad=np.array([0.1, 0.6, -2.0]),
+    start = launch(
+        *(0.701, -0.071, 900.0),
+        v_n_mps=np.array([100.0, 30.0, -80.0]),
+        euler_rad=np.array([0.1, 0.6, -2.0]),
         w_ib_b_radps=np.array([30.0, 0.5, -0.4]),
-    )  # fmt: skip
+    )
     plan = Plan(duration_s=10.0, row_interval_s=row_interval_s, ground_m=ground_m)
     return fly_batch([BODY], [start], [Air(present=False)], plan)
 

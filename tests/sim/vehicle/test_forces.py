@@ -1,10 +1,7 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.forces import (
     CANARD,
@@ -19,13 +16,10 @@ from fgnav_sim.vehicle.forces import (
 )  # fmt: skip
 from fgnav_sim.vehicle.model import pack
 from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
-from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle, load_vehicle
-from tests.sim.vehicle.reference import rate_ib_b_radps
+from fgnav_sim.vehicle.rigid_body import Plan, fly_batch
+from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
+from tests.sim.vehicle.reference import ROCKET, launch, rate_ib_b_radps
 
-ROCKET = load_vehicle(
-    Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "vehicles" / "rocket.toml"
-)
 BODY_ONLY = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3))
 DENSITY = 1.1
 
@@ -169,10 +163,7 @@ def test_a_free_canard_in_the_airflow_pushes_nothing_when_turned_into_it() -> No
 
 def test_moments_move_with_the_centre_of_mass() -> None:
     shape = Axisymmetric(diameter_m=0.2, cl1=2.0, cd0=0.3, reference_m=1.5)
-    start = Launch(
-        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=1000.0),
-        v_n_mps=np.array([100.0, 0, 5.0]), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
-    )  # fmt: skip
+    start = launch(0.0, 0.0, v_n_mps=np.array([100.0, 0, 5.0]))
     turns = []
     for centre_m in (1.5, 1.0, 2.0):
         body = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3), centre_m=centre_m)

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fgnav.geometry.earth import Origin
+from fgnav.geometry.earth import ned_axes
 from fgnav_sim.vehicle.atmosphere import Air
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
-from tests.sim.vehicle.reference import euler_rad, places, velocity_e_mps
+from tests.sim.vehicle.reference import euler_rad, launch, places, velocity_e_mps
 
 FT, SLUG, DEG = 0.3048, 14.59390294, np.pi / 180
 SLUG_FT2 = SLUG * FT**2
@@ -55,14 +55,14 @@ def flown(
     yaw_deg: float = 0.0,
     rates_degps: tuple[float, ...] = (0.0, 0.0, 0.0),
 ) -> Flown:
-    launch = Launch(
-        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=height_m),
+    start = launch(
+        *(0.0, 0.0, height_m),
         v_n_mps=np.array(v_ned_fps) * FT,
         euler_rad=np.array([0.0, 0.0, yaw_deg * DEG]),
         w_ib_b_radps=np.array(rates_degps) * DEG,
     )
     plan = Plan(duration_s=30.0, step_s=5e-3, row_interval_s=0.1, gravity="j2")
-    return fly_batch([vehicle], [launch], [air], plan)
+    return fly_batch([vehicle], [start], [air], plan)
 
 
 def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:
@@ -72,7 +72,7 @@ def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:
 
 def velocity_error_fps(flight: Flown, reference: np.ndarray) -> float:
     place = places(flight)
-    v_ned = np.einsum("mij,mj->mi", _ned(place), velocity_e_mps(flight))
+    v_ned = np.einsum("mij,mj->mi", ned_axes(*place[:, :2].T), velocity_e_mps(flight))
     return float(np.abs(v_ned / FT - reference[2:5].T).max())
 
 
@@ -81,54 +81,40 @@ def attitude_error_deg(flight: Flown, reference: np.ndarray) -> float:
     return float(np.abs((error + 180) % 360 - 180).max())
 
 
-def _ned(place: np.ndarray) -> np.ndarray:
-    from fgnav.geometry.earth import ned_axes
-
-    return ned_axes(place[:, 0], place[:, 1])
-
-
-def test_a_dropped_sphere_without_air_falls_as_case_01(shared: Path) -> None:
-    reference = read(shared, "Atmos_01_sim_04")
-    flight = flown(Vehicle(body=SPHERE), Air(present=False))
-    assert altitude_error_ft(flight, reference) < 1e-3
-    assert velocity_error_fps(flight, reference) < 1e-3
-
-
-def test_a_tumbling_brick_without_air_turns_as_case_02(shared: Path) -> None:
-    reference = read(shared, "Atmos_02_sim_04")
-    flight = flown(Vehicle(body=BRICK), Air(present=False), rates_degps=(10.0, 20.0, 30.0))
-    assert attitude_error_deg(flight, reference) < 1e-6
+TUMBLING = {"rates_degps": (10.0, 20.0, 30.0)}
+AT_REST_DEGPS = (0.0, -0.004178073, 0.0)  # against the Earth
+LAUNCHED = {
+    "height_m": SEA_LEVEL,
+    "v_ned_fps": (0.0, 1000.0, -1000.0),
+    "yaw_deg": 90.0,
+    "rates_degps": AT_REST_DEGPS,
+}
+VACUUM = Air(present=False)
+SHEAR = Air(
+    wind_height_m=np.array([0.0, HIGH]), wind_mps=np.array([[0.0, -20 * FT], [0.0, 70 * FT]])
+)
+DRAGGED = Vehicle(body=SPHERE, aerodynamics=BALL)
+DAMPED = Vehicle(body=BRICK, aerodynamics=DAMPED_BRICK)
 
 
-def test_a_tumbling_brick_with_damping_turns_as_case_03(shared: Path) -> None:
-    reference = read(shared, "Atmos_03_sim_05_every_0.1s")
-    flight = flown(
-        Vehicle(body=BRICK, aerodynamics=DAMPED_BRICK), Air(), rates_degps=(10.0, 20.0, 30.0)
-    )
-    assert attitude_error_deg(flight, reference) < 0.01
-
-
-def test_a_dropped_sphere_with_drag_falls_as_case_06(shared: Path) -> None:
-    reference = read(shared, "Atmos_06_sim_04")
-    flight = flown(Vehicle(body=SPHERE, aerodynamics=BALL), Air())
-    assert altitude_error_ft(flight, reference) < 1e-3
-
-
-def test_a_dropped_sphere_in_a_shear_of_wind_falls_as_case_08(shared: Path) -> None:
-    reference = read(shared, "Atmos_08_sim_04")
-    shear = Air(
-        wind_height_m=np.array([0.0, HIGH]), wind_mps=np.array([[0.0, -20 * FT], [0.0, 70 * FT]])
-    )
-    flight = flown(Vehicle(body=SPHERE, aerodynamics=BALL), shear)
-    assert altitude_error_ft(flight, reference) < 1e-3
-
-
-def test_a_launched_sphere_flies_as_case_09(shared: Path) -> None:
-    reference = read(shared, "Atmos_09_sim_04")
-    flight = flown(
-        Vehicle(body=SPHERE, aerodynamics=BALL), Air(),
-        height_m=SEA_LEVEL, v_ned_fps=(0.0, 1000.0, -1000.0), yaw_deg=90.0,
-        rates_degps=(0.0, -0.004178073, 0.0),  # at rest against the Earth
-    )  # fmt: skip
-    assert altitude_error_ft(flight, reference) < 1e-2
-    assert attitude_error_deg(flight, reference) < 1e-3
+@pytest.mark.parametrize(
+    ("case", "vehicle", "air", "start", "limits"),
+    [
+        ("01_sim_04", Vehicle(body=SPHERE), VACUUM, {}, {"altitude": 1e-3, "velocity": 1e-3}),
+        ("02_sim_04", Vehicle(body=BRICK), VACUUM, TUMBLING, {"attitude": 1e-6}),
+        ("03_sim_05_every_0.1s", DAMPED, Air(), TUMBLING, {"attitude": 0.01}),
+        ("06_sim_04", DRAGGED, Air(), {}, {"altitude": 1e-3}),
+        ("08_sim_04", DRAGGED, SHEAR, {}, {"altitude": 1e-3}),
+        ("09_sim_04", DRAGGED, Air(), LAUNCHED, {"altitude": 1e-2, "attitude": 1e-3}),
+    ],
+)
+def test_a_body_flies_as_nasas_check_case(shared, case, vehicle, air, start, limits) -> None:
+    """Limits in feet, feet a second and degrees."""
+    reference, flight = read(shared, f"Atmos_{case}"), flown(vehicle, air, **start)
+    errors = {
+        "altitude": altitude_error_ft,
+        "velocity": velocity_error_fps,
+        "attitude": attitude_error_deg,
+    }
+    for name, limit in limits.items():
+        assert errors[name](flight, reference) < limit, name

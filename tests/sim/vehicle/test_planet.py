@@ -8,9 +8,9 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.earth import GM_M3PS2, Origin, geodetic
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.planet import WGS84, Planet
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
-from tests.sim.vehicle.reference import geodetic_on, places, velocity_e_mps
+from tests.sim.vehicle.reference import geodetic_on, launch, places, velocity_e_mps
 
 RADIUS_M, RATE = 6_371_007.0, 7.2921151467e-5
 STILL = Planet(semi_major_axis_m=RADIUS_M, flattening=0.0, rate_radps=0.0)
@@ -29,10 +29,7 @@ def dropped(
     duration_s: float = 30.0,
     height_m: float = HEIGHT_M,
 ) -> Flown:
-    start = Launch(
-        origin=Origin(latitude_rad=latitude_rad, longitude_rad=0.0, height_m=height_m),
-        v_n_mps=np.array(v_n_mps), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
-    )  # fmt: skip
+    start = launch(latitude_rad, 0.0, height_m, v_n_mps=np.array(v_n_mps))
     plan = Plan(
         duration_s=duration_s, step_s=5e-3, row_interval_s=0.1, gravity="spherical", planet=planet
     )
@@ -93,16 +90,13 @@ def test_in_a_steady_wind_a_light_body_ends_up_at_the_winds_speed() -> None:
 
 
 def test_planets_that_cannot_be_are_named() -> None:
-    with pytest.raises(BadInputError, match=r"flattening: must be from 0 to below 0\.1, got 0\.2"):
-        Planet(flattening=0.2)
-    with pytest.raises(BadInputError, match=r"rate_radps: must be within \+-1e-3, got 1"):
-        Planet(rate_radps=1.0)
-    with pytest.raises(BadInputError, match="semi_major_axis_m: must be positive"):
-        Planet(semi_major_axis_m=0.0)
+    for wrong, text in (
+        ({"flattening": 0.2}, r"flattening: must be from 0 to below 0\.1, got 0\.2"),
+        ({"rate_radps": 1.0}, r"rate_radps: must be within \+-1e-3, got 1"),
+        ({"semi_major_axis_m": 0.0}, "semi_major_axis_m: must be positive"),
+    ):
+        with pytest.raises(BadInputError, match=text):
+            Planet(**wrong)
     plan = Plan(duration_s=1.0, planet=STILL)
-    start = Launch(
-        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0),
-        v_n_mps=np.zeros(3), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
-    )  # fmt: skip
     with pytest.raises(BadInputError, match="gravity model: wgs84-normal is the WGS-84 Earth's"):
-        fly_batch([STONE], [start], [Air()], plan)
+        fly_batch([STONE], [launch()], [Air()], plan)

@@ -4,8 +4,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav_sim.vehicle.tables import load_vehicle
+from tests.sim.vehicle.reference import VEHICLES
 
-VEHICLES = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim" / "vehicles"
 ROCKET = (VEHICLES / "rocket.toml").read_text()
 
 

@@ -1,13 +1,10 @@
 """Scenarios that a rigid body flies: what their sensors feel is what the body did."""
 
-from pathlib import Path
-
 import msgspec
 import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.geometry.earth import Origin
 from fgnav_sim.motion import Hold
 from fgnav_sim.scenario import FixesTable, ImuTable, Place, Scenario, load_scenario
 from fgnav_sim.simulate import simulate, simulate_many
@@ -23,10 +20,8 @@ from fgnav_sim.vehicle.planet import Planet
 from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle, load_vehicle
 from fgnav_sim.vehicle.take_off import take_off
-from tests.sim.vehicle.reference import position_e_m
+from tests.sim.vehicle.reference import ROCKET, VEHICLES, launch, position_e_m
 
-SIM = Path(__file__).resolve().parents[3] / "sim" / "fgnav_sim"
-ROCKET = load_vehicle(SIM / "vehicles" / "rocket.toml")
 FREE = Vehicle(body=BodyTable(mass_kg=3.0, inertia_kgm2=(0.02, 0.3, 0.31)))
 FT = 0.3048
 
@@ -43,7 +38,7 @@ def airborne(one: Scenario, seed: int = 1) -> Scenario:
 
 @pytest.mark.parametrize("name", ["glider", "rocket"])
 def test_specific_force_and_true_attitude_integrate_to_the_true_velocity(name: str) -> None:
-    flying = airborne(load_scenario(SIM / "scenarios" / f"{name}.toml"))
+    flying = airborne(load_scenario(name))
     origin, h = flying.origin.frame, 1e-3
     lever_b_m = np.array([0.4, 0.02, -0.1])
     t_s = np.arange(int(flying.duration_s / h)) * h
@@ -96,10 +91,7 @@ def test_a_scenario_flies_what_the_library_flies() -> None:
     wind = WindTable(height_m=(0.0, 30e3 * FT), east_mps=(-20 * FT, 70 * FT))
     high = Place(latitude_deg=0.0, longitude_deg=0.0, height_m=30e3 * FT)
     one = scenario(ball, wind=wind, origin=high, gravity="j2", duration_s=30.0)
-    start = Launch(
-        origin=Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=30e3 * FT),
-        v_n_mps=np.zeros(3), euler_rad=np.zeros(3), w_ib_b_radps=np.zeros(3),
-    )  # fmt: skip
+    start = launch(0.0, 0.0, 30e3 * FT)
     air = Air(
         wind_height_m=np.array([0.0, 30e3 * FT]),
         wind_mps=np.array([[0.0, -20 * FT], [0.0, 70 * FT]]),
@@ -180,7 +172,7 @@ def test_a_flight_that_meets_the_ground_ends_there_and_says_so() -> None:
 
 
 def test_gusts_are_the_seeds_and_their_end_is_said() -> None:
-    glider = load_vehicle(SIM / "vehicles" / "glider.toml")
+    glider = load_vehicle(VEHICLES / "glider.toml")
     start = StartTable(v_b_mps=(15.0, 0.0, 0.0))
     one = scenario(glider, start, gusts=GustsTable(sigma_mps=1.0, length_m=100.0))
     (a, lost), (b, _), (c, _) = take_off([one] * 3, [np.random.default_rng(k) for k in (1, 1, 2)])
@@ -192,7 +184,7 @@ def test_gusts_are_the_seeds_and_their_end_is_said() -> None:
 
 
 def test_a_batch_flies_together_what_each_flies_alone() -> None:
-    one = load_scenario(SIM / "scenarios" / "glider.toml")
+    one = load_scenario("glider")
     one = msgspec.structs.replace(one, gnss=None, duration_s=3.0)
     made = simulate_many(one, [np.random.default_rng(k) for k in (4, 5)])
     for seed, together in zip((4, 5), made, strict=True):

@@ -1,1 +1,1 @@
-"""What a vehicle lets be known without an instrument: that its wheels roll, that it stands."""
+"""Constraints of a vehicle: rolling wheels, standstill, aerodynamic angles."""

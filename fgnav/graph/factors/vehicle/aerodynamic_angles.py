@@ -18,7 +18,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
@@ -37,20 +37,20 @@ class AerodynamicAngles(SensorRows):
     parameters: ClassVar[tuple[str, ...]] = (WIND, MEAN)
     sigma_rad: FloatArray  # (k, 2)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of angles ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of angles ``indices``, (j,); see ``Sensor``."""
         wind, mean = map(self.constants.columns, self.parameters)
         R_bn = transpose(at.R_nb)
         air_n_mps = at.v_n_mps.copy()
         air_n_mps[:, :2] -= at.constants[wind]
         u = np.einsum("kij,kj->ki", R_bn, air_n_mps)
-        by_u = np.zeros((len(which), 2, 3))
+        by_u = np.zeros((len(indices), 2, 3))
         for row, axis in enumerate((1, 2)):
             squared = u[:, 0] ** 2 + u[:, axis] ** 2
             by_u[:, row, 0] = -u[:, axis] / squared
             by_u[:, row, axis] = u[:, 0] / squared
         angles = np.arctan2(u[:, 1:], u[:, :1]) - at.constants[mean]
-        weight = 1.0 / self.sigma_rad[which]
+        weight = 1.0 / self.sigma_rad[indices]
         by_u *= weight[:, :, None]
         state, shared = self.derivatives(at)
         state[:, :, ROTATION] = by_u @ skew(u)

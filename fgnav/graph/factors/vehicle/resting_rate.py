@@ -17,7 +17,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.sensor_factor import sensor_factor
+from fgnav.graph.kernel_factor import sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import RATE, ROTATION, States
 
@@ -39,14 +39,14 @@ class RestingRate(SensorRows):
     sigma_radps: FloatArray  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of rates ``which``, (j,); see ``Sensor``."""
-        weight = 1.0 / self.sigma_radps[which]
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of rates ``indices``, (j,); see ``Sensor``."""
+        weight = 1.0 / self.sigma_radps[indices]
         earth_b = np.einsum("kij,j->ki", transpose(at.R_nb), self.earth_rate_n_radps)
         state, shared = self.derivatives(at)
         state[:, :, ROTATION] = -weight[:, :, None] * skew(earth_b)
         state[:, :, RATE] = -weight[:, :, None] * np.eye(3)
-        value = weight * (self.measured_b_radps[which] - at.aux[:, 3:6] - earth_b)
+        value = weight * (self.measured_b_radps[indices] - at.aux[:, 3:6] - earth_b)
         return Linearised(value, state, shared)
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:

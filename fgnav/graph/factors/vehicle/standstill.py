@@ -31,9 +31,9 @@ class Standstill(SensorRows):
     rows: ClassVar[int] = 3
     sigma_mps: FloatArray  # (k,): of each axis
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of standstills ``which``, (j,); see ``Sensor``."""
-        weight = 1.0 / self.sigma_mps[which]
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of standstills ``indices``, (j,); see ``Sensor``."""
+        weight = 1.0 / self.sigma_mps[indices]
         state, shared = self.derivatives(at)
         state[:, :, VELOCITY] = weight[:, None, None] * np.eye(3)
         return Linearised(weight[:, None] * at.v_n_mps, state, shared)

@@ -20,7 +20,7 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.sensor_factor import Use, sensor_factor
+from fgnav.graph.kernel_factor import Use, sensor_factor
 from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
@@ -54,16 +54,16 @@ class RollingWheels(SensorRows):
         SensorRows.__post_init__(self)
         positive("wheels slip_mps", self.slip_mps)
 
-    def linearise(self, at: States, which: IntArray) -> Linearised:
-        """Return whitened residuals of measurements ``which``, (j,); see ``Sensor``."""
+    def linearise(self, at: States, indices: IntArray) -> Linearised:
+        """Return whitened residuals of measurements ``indices``, (j,); see ``Sensor``."""
         axes, axle = map(self.constants.columns, self.parameters)
         arm_b_m = self.arm_b_m + at.constants[axle]
         R_bn, arm = transpose(at.R_nb), skew(arm_b_m)
         v_b = np.einsum("kij,kj->ki", R_bn, at.v_n_mps)
-        rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((len(which), 3, 3))
+        rate, by_rate, earth = at.aux[:, 3:6], -arm, np.zeros((len(indices), 3, 3))
         if self.measured_b_radps is not None:
             earth_b = np.einsum("kij,j->ki", R_bn, self.earth_rate_n_radps)
-            rate, by_rate = self.measured_b_radps[which] - rate - earth_b, arm
+            rate, by_rate = self.measured_b_radps[indices] - rate - earth_b, arm
             earth = arm @ skew(earth_b)
         axle_b = v_b + np.cross(rate, arm_b_m)
         turn = np.array([0.0, *at.constants[axes]])

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.evaluation.networks import Calibration
 from fgnav.evaluation.paired import Interval, pooled
-from fgnav.neural.calibration import Calibration
 from fgnav.types.flight import Flight
 from fgnav_models.training.gravity.data import BASELINES, Rows, angles_deg, baseline, rms
 from fgnav_models.training.gravity.features import (

@@ -8,9 +8,10 @@ import numpy as np
 import torch
 
 from fgnav.checks import BadInputError
+from fgnav.evaluation.networks import calibration
 from fgnav.io.atomic_write import made_folder, write_text
 from fgnav.io.strict_toml import Positive, Table
-from fgnav.neural.calibration import calibration
+from fgnav.neural import NeuralFactor
 from fgnav.neural.manifest import Statistic
 from fgnav_models.training.contract import Release
 from fgnav_models.training.gravity.data import Drawn, Rows, draw
@@ -182,7 +183,7 @@ def _release(
     kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
     rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
     followed = [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
-    found = calibration(manifest, [(one, {}) for one in followed])
+    found = calibration([NeuralFactor(manifest)] * len(followed), followed)
     errors = found.half_life_s, found.lasting
     write(words, errors)
     judged = {"all kinds alike": followed} | {
@@ -192,7 +193,7 @@ def _release(
     bodies = {}
     for name, flights in judged.items():
         with suppress(BadInputError):  # of flights of which it answers fewer than three windows
-            bodies[name] = calibration(manifest, [(one, {}) for one in flights])
+            bodies[name] = calibration([NeuralFactor(manifest)] * len(flights), flights)
     notes = {
         "By kind of flight": table,
         "As a factor, on flights of the world and of the simulator's scenarios": calibrated(bodies),

@@ -43,8 +43,23 @@ def sensor_factor(
         Number of the keyframe.
     uses : tuple of str
         Which of its variables the residual depends on, besides the constants that it names.
+
+    Returns
+    -------
+    gtsam.CustomFactor
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fgnav.graph import Velocity, sensor_factor
+    >>> sensor = Velocity(
+    ...     row=np.array([0]), value_n_mps=np.zeros((1, 3)), white=np.eye(3)[None],
+    ...     arm_b_m=np.ones(3), measured_b_radps=None, earth_rate_n_radps=np.zeros(3),
+    ... )
+    >>> sensor_factor(sensor, 0, 7, ("pose", "velocity", "angular_motion")).size()
+    3
     """
-    constants, which = measurement.constants, np.array([i])
+    constants, indices = measurement.constants, np.array([i])
     variables = [(_SYMBOLS[use](key), use) for use in uses]
     parts = [p for p, of in enumerate(constants.parts) if of.name in measurement.parameters]
     columns = [constants.columns(constants.parts[p].name) for p in parts]
@@ -63,7 +78,7 @@ def sensor_factor(
             readers += [_read_vector(symbol, at.constants[span]) for symbol, span in shared]
         for read in readers:
             read(values)
-        value, state, by_constants = linearise(at, which)
+        value, state, by_constants = linearise(at, indices)
         if H is not None:
             for j, block in enumerate(blocks):
                 H[j] = state[0, :, block]
@@ -92,7 +107,7 @@ def _one_state(values: gtsam.Values, variables: list[tuple[int, Use]], constants
 
 
 def _read_state(symbol: int, use: Use, at: States) -> _Read:
-    """Return what copies a variable's value into the state's only row."""
+    """Return a function that copies a variable's value into the state's only row."""
     if use == "velocity":
         return _read_vector(symbol, at.v_n_mps[0])
     if use == "angular_motion":
