@@ -150,14 +150,14 @@ def energy_score(error: FloatArray, covariance: FloatArray) -> float:
     if not len(error) or (variance < 0).any():
         return float("nan")
     root = axes * np.sqrt(variance)[:, None, :]
-    draws = np.einsum("nij,mj->nmi", root, _nodes(error.shape[1]))
+    draws = np.einsum("nij,mj->nmi", root, normal_nodes(error.shape[1]))
     near = np.linalg.norm(draws - error[:, None], axis=2).mean(axis=1)
     # X - X' is normal with twice the covariance.
     apart = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
     return float((near - apart / 2).mean())
 
 
-def _nodes(d: int) -> FloatArray:
+def normal_nodes(d: int) -> FloatArray:
     """Return nodes of a standard normal distribution of d dimensions, (m, d), mean zero."""
     from scipy.stats import norm, qmc  # noqa: PLC0415  # lazy: 0.5 s
 

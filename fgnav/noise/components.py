@@ -18,7 +18,7 @@ References
    problems, Journal of the American Statistical Association 72, 1977, equation 5.5.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -141,10 +141,8 @@ class NoiseComponents:
         c = len(self.names)
         total = Score(np.zeros(c), np.zeros(c), np.zeros((c, c)))
         own = len(self._motion)
-        for k, parts, _, variance in self._intervals(theta):
+        for k, C in self._motion_shares(theta, problem):
             r, J, P = _interval_rows(problem, solution, k)
-            W = cast("RescaledMotion", problem.motion).white[k][:, None]
-            C = variance[:, None, None] * (W @ parts @ W.swapaxes(2, 3))
             CM = C @ (np.eye(r.shape[1]) - J @ P @ J.swapaxes(1, 2))[:, None]
             total.squares[:own] += np.einsum("ki,kcij,kj->c", r, C, r)
             total.redundancy[:own] += np.einsum("kcii->c", CM)
@@ -158,10 +156,45 @@ class NoiseComponents:
         spread = (total.information + np.diag(2 * total.redundancy.clip(0))) / 2
         return total._replace(information=spread)
 
+    def traces(
+        self,
+        theta: FloatArray,
+        problem: Problem,
+        motion: FloatArray,
+        sensors: Sequence[FloatArray],
+    ) -> FloatArray:
+        """Return the sums of ``tr(C X)`` by component, (c,), of matrices X between rows.
+
+        Parameters
+        ----------
+        theta : ndarray, shape (c,)
+        problem : Problem
+            ``problem_at(theta)``.
+        motion : ndarray, shape (n - 1, D, D)
+            X of each interval.
+        sensors : sequence of ndarray, shape (k, m, m)
+            X of each measurement, by sensor of the problem.
+        """
+        total = np.zeros(len(self.names))
+        for k, C in self._motion_shares(theta, problem):
+            total[: len(self._motion)] += np.einsum("kcij,kji->c", C, motion[k])
+        for one in self._sensors:
+            X = sensors[one.measurement][one.rows]
+            total[self.names.index(one.name)] += np.einsum("kii->", X)
+        return total
+
     def residuals(self, name: str, problem: Problem, solution: Solution) -> FloatArray:
         """Return whitened residuals of a component of a sensor, (k, m), in order of time."""
         (one,) = (one for one in self._sensors if one.name == name)
         return _measured(problem, solution, one)[0]
+
+    def _motion_shares(
+        self, theta: FloatArray, problem: Problem
+    ) -> Iterator[tuple[IntArray, FloatArray]]:
+        """Yield some intervals, (k,), and shares C of their rows' covariance, (k, c, D, D)."""
+        for k, parts, _, variance in self._intervals(theta):
+            W = cast("RescaledMotion", problem.motion).white[k][:, None]
+            yield k, variance[:, None, None] * (W @ parts @ W.swapaxes(2, 3))
 
     def _intervals(
         self, theta: FloatArray

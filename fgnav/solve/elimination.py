@@ -148,14 +148,19 @@ class Elimination:
             self._root, _ = _eliminate((), self._messages[-1], self._constants)
 
     @property
+    def conditionals(self) -> list[gtsam.GaussianConditional]:
+        """Return those of keyframes from the oldest on, then that of the constants, if any."""
+        return self._ends if self._root is None else [*self._ends, self._root]
+
+    @property
     def predicted_decrease(self) -> float:
         """Return by how much the step lowers the sum of squares, if all were linear."""
-        return float(sum(one.d() @ one.d() for one in self._all()))
+        return float(sum(one.d() @ one.d() for one in self.conditionals))
 
     @property
     def log_root(self) -> float:
         """Return the log determinant of the square root of the information of all variables."""
-        return float(sum(np.log(np.abs(one.R().diagonal())).sum() for one in self._all()))
+        return float(sum(np.log(np.abs(one.R().diagonal())).sum() for one in self.conditionals))
 
     def step(self) -> tuple[FloatArray, FloatArray, dict[int, FloatArray]]:
         """Return the Newton step of keyframes, (m, D), of the constants, (b,), and of arcs by key.
@@ -167,7 +172,7 @@ class Elimination:
         """
         self._check()
         net = gtsam.GaussianBayesNet()
-        for one in self._all():
+        for one in self.conditionals:
             net.push_back(one)
         steps = net.optimize()
         of_keyframes = range(self.oldest, self.oldest + len(self))
@@ -204,24 +209,6 @@ class Elimination:
                 shared[i - begin] = joint.P[:D, self._rows(joint, self._constants)]
         return Marginals(covariance, cross, constant, shared)
 
-    def gains(self) -> FloatArray:
-        """Compute the gains of each keyframe by the next one and the constants, (n - 1, D, D + b).
-
-        ``E[x_k | rest] = -gain_k (x_k+1, c)`` and what the data tell; of a flight without arcs,
-        whose factors join neighbours alone.
-        """
-        D, b = self._layout.width, self._layout.constants.width
-        gain = np.zeros((len(self) - 1, D, D + b))
-        for i, one in enumerate(self._ends[:-1]):
-            place = self._places((*self._variables(i + 1), *self._constants))
-            columns = [
-                column
-                for key in one.keys()[3:]
-                for column in range(place[key], place[key] + self._size[key])
-            ]
-            gain[i][:, columns] = np.linalg.solve(one.R(), one.S())
-        return gain
-
     def _undo(self, i: int) -> None:
         del self._ends[i:], self._messages[i + 1 :]
         self._root = None
@@ -229,9 +216,6 @@ class Elimination:
     def _variables(self, i: int) -> tuple[int, ...]:
         """List the variables that are eliminated with a keyframe."""
         return (*self._layout.keyframe(self.oldest + i), *self._arcs[i])
-
-    def _all(self) -> list[gtsam.GaussianConditional]:
-        return self._ends if self._root is None else [*self._ends, self._root]
 
     def _covariance_of_constants(self) -> _Joint:
         one = self._root
@@ -269,7 +253,7 @@ class Elimination:
 
     def _check(self) -> None:
         """Raise if a pivot leaves a variable open."""
-        for i, one in enumerate(self._all()):
+        for i, one in enumerate(self.conditionals):
             pivots = np.abs(one.R().diagonal())
             weak = int(pivots.argmin())
             if not pivots[weak] > _LEAST_PIVOT:

@@ -207,6 +207,20 @@ def gauss_newton(
     return _minimum(problem, flight.eliminated(here.linear) if damping else here, iterations, None)
 
 
+def elimination_at(
+    problem: Problem, states: States, custom: Sequence[gtsam.NonlinearFactor] = ()
+) -> Elimination:
+    """Return a problem and custom factors linearised at states and eliminated.
+
+    Raises
+    ------
+    NoSolutionError
+        If a variable is in no factor, by name.
+    """
+    flight = _Flight(problem, custom)
+    return flight.eliminated(flight.linear(flight.point(states))).elimination
+
+
 def posterior_at(problem: Problem, states: States) -> Solution:
     """Return states as they are given, with the covariances of the graph linearised there.
 

@@ -1,5 +1,6 @@
 """Small flights with truth, and small modules that say something of them."""
 
+import msgspec
 import numpy as np
 import torch
 
@@ -17,11 +18,13 @@ IMU = ImuTable(
 )
 
 
-def flown(seed, duration_s=12.0, rate_hz=5.0):
-    """Return a turn at 30 m/s with fixes and an inertial unit."""
+def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
+    """Return a turn at 30 m/s with fixes and an inertial unit, some of its figures others."""
     turn = Motion(path=Arc(speed_mps=30.0, radius_m=80.0), yaw=Rate(rate_degps=21.5))
     fixes = FixesTable(rate_hz=rate_hz)
-    scenario = Scenario(duration_s=duration_s, motion=turn, imu=IMU, fixes=fixes)
+    scenario = Scenario(
+        duration_s=duration_s, motion=turn, imu=msgspec.structs.replace(IMU, **imu), fixes=fixes
+    )
     return simulate(scenario, np.random.default_rng(seed))
 
 
@@ -58,8 +61,6 @@ class Airspeed(torch.nn.Module):
 
 def plain_input():
     """Return windows as they are: mean 0, scale 1, any range."""
-    import msgspec
-
     seen = input_of("wind", np.ones((1, WINDOW, 3)), RATE_HZ, unit="m/s", frame="b")
     return msgspec.structs.replace(
         seen, mean=(0.0,) * 3, scale=(1.0,) * 3, range=((-99.0, 99.0),) * 3
