@@ -1,4 +1,4 @@
-"""How a flight's minimum and its covariance answer to what its factors state.
+"""Gradients of a flight's minimum and its covariance, by residuals and covariances of factors.
 
 At the minimum x of half the squared whitened residuals r, of Jacobian J, with ``H = J' J`` and
 ``P = H^-1``, a function L of x and P has, by the implicit function theorem, for any parameter,

@@ -26,7 +26,7 @@ Clock: TypeAlias = Literal["gps", "week", "own"]
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Recording:
-    """What an importer has found in a file.
+    """Samples, clock and notes of a file.
 
     Attributes
     ----------

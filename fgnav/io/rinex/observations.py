@@ -117,7 +117,7 @@ def _body(header: Header, text: Bytes) -> tuple[Body, bool]:
 
 
 def _scanned(body: Body) -> Found:
-    """Return what a scan finds."""
+    """Return the observations of a scan."""
     n, types = len(body.begins), body.units.shape[1]
     epochs, records, faults, events = (np.empty((n, width), np.int64) for width in (4, 3, 3, 4))
     values, locks = np.empty((n, types)), np.empty((n, types), np.int64)

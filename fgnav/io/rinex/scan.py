@@ -34,7 +34,7 @@ class Body(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a scan fills."""
+    """Arrays that a scan fills."""
 
     epochs: IntArray  # (l, 4), as ``TICKS`` and ``FLAG``
     records: IntArray  # (l, 3): number of the epoch, letter and number of the satellite

@@ -1,4 +1,4 @@
-"""What a network's outputs state of the states, as torch differentiates it by the outputs.
+"""Residuals of a network's outputs in torch, differentiable by the outputs.
 
 Values, covariances and residuals are those of ``neural.network`` and ``neural.outputs``. Jacobians
 are by tangents of ``fgnav.graph.keys`` less ``aux``: rotation and position in body axes, velocity
@@ -124,7 +124,7 @@ class AnswerTerm:
     lasting: int = 0
 
     def detached(self) -> "AnswerTerm":
-        """Return the same without a way back to the network."""
+        """Return residuals detached from the network."""
         return replace(self, value=self.value.detach(), covariance=self.covariance.detach())
 
     def linearise(self, states: Sequence[States]) -> tuple[FloatArray, FloatArray]:
@@ -183,7 +183,7 @@ def _across(direction: Tensor) -> Tensor:
 
 
 class _Keyframes(NamedTuple):
-    """Where the keyframes of answers are, c of each."""
+    """States at the keyframes of answers, c of each."""
 
     R_nb: Tensor  # (m, c, 3, 3)
     p_n_m: Tensor  # (m, c, 3)

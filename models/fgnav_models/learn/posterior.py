@@ -37,7 +37,7 @@ _TANGENT = 9  # rotation, position, velocity
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Posterior:
-    """What a flight's data say of its keyframes.
+    """Means and covariances of a flight's keyframes, given all its data.
 
     Attributes
     ----------

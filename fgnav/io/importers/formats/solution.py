@@ -97,7 +97,7 @@ STATED: dict[str, _Stated] = {
 
 @dataclass(slots=True)
 class Solution:
-    """What the messages of a stream state, each with its GPS time."""
+    """Samples of a stream's messages, each with its GPS time."""
 
     # by protocol, table and columns
     rows: dict[tuple[str, str, Names], list[tuple[float, ...]]] = field(
