@@ -121,8 +121,8 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
     theta, states = _begin(components, begin)
     damping: FloatArray = np.ones(len(theta))
     last: FloatArray = np.zeros(len(theta))
+    components = components.about(states)
     for iteration in range(_ITERATIONS):
-        components = components.about(states)
         problem = components.problem_at(theta)
         minimum = gauss_newton(problem, begin=states, most=_DESCENT)
         solution = minimum.solution

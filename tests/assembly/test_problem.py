@@ -177,12 +177,12 @@ def test_epochs_that_are_not_in_the_file_are_keyframes_without_measurements():
         assert not np.isin(np.flatnonzero(inside), part.row).any(), part.name
 
 
-def test_links_with_wrong_integers_are_excluded_and_listed():
+def test_links_with_wrong_integers_are_corrected_by_their_arcs_and_listed():
     prepared = build(flown("demo", 20.0), Off(epochs=(50, 51, 52)))
     assert prepared.problem.attitude_known.all()
-    excluded = [one for one in prepared.rejections if "left out" in one.reason]
-    assert excluded
-    assert {(one.what, one.from_s, one.until_s) for one in excluded} == {("phase", 5.0, 5.2)}
+    corrected = [one for one in prepared.rejections if "mended by its arc" in one.reason]
+    assert corrected
+    assert {(one.what, one.from_s, one.until_s) for one in corrected} == {("phase", 5.0, 5.2)}
     assert not any("chi-square" in loss.reason for loss in prepared.unused)
 
 
