@@ -38,56 +38,12 @@ def pose(k: int) -> int:
 
 
 def velocity(k: int) -> int:
-    """Return the key of a keyframe's velocity: of the accelerometer, (3,), m/s, in ``n``.
-
-    Parameters
-    ----------
-    k : int
-        Number of the keyframe.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    BadInputError
-        If the number is negative.
-
-    Examples
-    --------
-    >>> from fgnav.graph import velocity
-    >>> import gtsam
-    >>> gtsam.Symbol(velocity(3)).string()
-    'v3'
-    """
+    """Return the key of a keyframe's velocity: of the accelerometer, (3,), m/s, in ``n``."""
     return _symbol("v", k)
 
 
 def imu_bias(k: int) -> int:
-    """Return the key of a keyframe's biases, ``gtsam.imuBias.ConstantBias``; with a gyroscope.
-
-    Parameters
-    ----------
-    k : int
-        Number of the keyframe.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    BadInputError
-        If the number is negative.
-
-    Examples
-    --------
-    >>> from fgnav.graph import imu_bias
-    >>> import gtsam
-    >>> gtsam.Symbol(imu_bias(3)).string()
-    'b3'
-    """
+    """Return the key of a keyframe's biases, ``gtsam.imuBias.ConstantBias``; with a gyroscope."""
     return _symbol("b", k)
 
 
@@ -96,82 +52,17 @@ def angular_motion(k: int) -> int:
 
     Accelerometer bias, body rate w, then ``T0`` times its first and ``T0**2`` times its second
     derivative, ``T0`` 0.1 s; then the array's time-correlated error, where it has one (q, else 0).
-
-    Parameters
-    ----------
-    k : int
-        Number of the keyframe.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    BadInputError
-        If the number is negative.
-
-    Examples
-    --------
-    >>> from fgnav.graph import angular_motion
-    >>> import gtsam
-    >>> gtsam.Symbol(angular_motion(3)).string()
-    'm3'
     """
     return _symbol("m", k)
 
 
 def arcs(j: int) -> int:
-    """Return the key of a block of carrier-phase arcs, a vector.
-
-    Parameters
-    ----------
-    j : int
-        Number of the block.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    BadInputError
-        If the number is negative.
-
-    Examples
-    --------
-    >>> from fgnav.graph import arcs
-    >>> import gtsam
-    >>> gtsam.Symbol(arcs(3)).string()
-    'a3'
-    """
+    """Return the key of a block of carrier-phase arcs, a vector."""
     return _symbol("a", j)
 
 
 def constant(i: int) -> int:
-    """Return the key of a constant of the flight, a vector.
-
-    Parameters
-    ----------
-    i : int
-        Number of the constant.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    BadInputError
-        If the number is negative.
-
-    Examples
-    --------
-    >>> from fgnav.graph import constant
-    >>> import gtsam
-    >>> gtsam.Symbol(constant(3)).string()
-    'c3'
-    """
+    """Return the key of a constant of the flight, a vector."""
     return _symbol("c", i)
 
 

@@ -75,7 +75,7 @@ def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     keyframes = _keyframes(problem, sensors)
     start = problem.start.at(keyframes)
     t_s = problem.t_s[keyframes]
-    observed = tuple(_at(one, keyframes) for one in prepared.observed)
+    observed = tuple(_restricted(one, keyframes) for one in prepared.observed)
     return (
         Problem(
             t_s=t_s,
@@ -92,7 +92,7 @@ def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     )
 
 
-def _at(observed: Observed, keyframes: IntArray) -> Observed:
+def _restricted(observed: Observed, keyframes: IntArray) -> Observed:
     """Return the observations of some keyframes, numbered by these."""
     kept = np.isin(observed.row, keyframes)
     row = np.searchsorted(keyframes, observed.row[kept])

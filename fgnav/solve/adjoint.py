@@ -139,7 +139,7 @@ class Adjoint:
         shared = np.broadcast_to(constants, (len(keyframes), len(constants)))
         return np.concatenate([own.reshape(len(keyframes), -1), shared], axis=1)
 
-    def of(self, keyframes: IntArray) -> tuple[FloatArray, FloatArray]:
+    def derivatives(self, keyframes: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return l and M of a term's groups, (m, c D + b) and (m, c D + b, c D + b).
 
         M is zero where no factor joins the group's keyframes.
@@ -159,7 +159,7 @@ class Adjoint:
         If the information of its rows is ``1 + dW``, dL is the sum of its products with dW.
         """
         r, J = term.linearise([states.at(rows) for rows in term.keyframes.T])
-        step, M = self.of(term.keyframes)
+        step, M = self.derivatives(term.keyframes)
         moved = np.einsum("mfw,mw->mf", J, step)
         return np.asarray(r[:, :, None] * moved[:, None, :] - J @ M @ J.swapaxes(1, 2))
 
@@ -258,7 +258,8 @@ class PosteriorCovariance:
 
     def _slope(self, term: Term, found: Adjoint) -> FloatArray:
         """Return the derivative of ``<M, J' J>`` by the states, of one term."""
-        (_, M), D, at = found.of(term.keyframes), self._D, self._at(term, self._states)
+        at, D = self._states_of(term, self._states), self._D
+        _, M = found.derivatives(term.keyframes)
         columns, slope = found.columns(term.keyframes), np.zeros(self._size)
         m, end = len(columns), len(at) * D
         _, J = term.linearise(at)
@@ -277,10 +278,10 @@ class PosteriorCovariance:
         self, a: FloatArray, terms: Sequence[Term], columns: Callable[[IntArray], IntArray]
     ) -> FloatArray:
         """Return ``(H + E)^-1 a``, E of some terms."""
-        x, left = self.times(a), np.zeros_like(a)
+        x = self.times(a)
         if not (terms and a.any()):
             return x
-        values = [(term, term.linearise(self._at(term, self._states))[0]) for term in terms]
+        values = [(term, term.linearise(self._states_of(term, self._states))[0]) for term in terms]
 
         def curvature(v: FloatArray) -> FloatArray:
             total, h = np.zeros_like(v), _STEP / np.abs(v).max()
@@ -288,7 +289,7 @@ class PosteriorCovariance:
                 steps, constants = np.split(sign * v, [self._n * self._D])
                 moved = self._states.moved(steps.reshape(self._n, self._D), constants)
                 for term, r in values:
-                    J = term.linearise(self._at(term, moved))[1]
+                    J = term.linearise(self._states_of(term, moved))[1]
                     along = np.einsum("mfw,mf->mw", J, r) / (2 * sign)
                     np.add.at(total, columns(term.keyframes), along)
             return total
@@ -314,7 +315,7 @@ class PosteriorCovariance:
         raise NoSolutionError("state: the search ended at no minimum: nothing is learned there")
 
     @staticmethod
-    def _at(term: Term, states: States) -> list[States]:
+    def _states_of(term: Term, states: States) -> list[States]:
         return [states.at(rows) for rows in term.keyframes.T]
 
 

@@ -62,7 +62,7 @@ def test_adjoints_are_products_with_the_dense_inverse(aux, b):
         if pair[1] > pair[0] + 1:  # by their poses alone
             joined = np.concatenate([joined[:D], joined[D : D + 6], joined[2 * D :]])
         columns = adjoint.columns(keyframes)[0][joined]
-        step, M = (of[0] for of in adjoint.of(keyframes))
+        step, M = (of[0] for of in adjoint.derivatives(keyframes))
         np.testing.assert_allclose(step[joined], -(P @ right)[columns], rtol=1e-9, atol=1e-11)
         block = M[np.ix_(joined, joined)]
         np.testing.assert_allclose(block, expected[np.ix_(columns, columns)], rtol=1e-8, atol=1e-9)

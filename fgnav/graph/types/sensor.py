@@ -1,5 +1,6 @@
 """Interface of a sensor: whitened residuals, Jacobians and GTSAM's factors."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, Self, TypeAlias
 
@@ -87,7 +88,7 @@ class Sensor(Protocol):
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class SensorRows:
+class SensorRows(ABC):
     """Measurements of a sensor of their own, whose arrays are checked and frozen."""
 
     name: ClassVar[str]  # in reports
@@ -108,9 +109,9 @@ class SensorRows:
         freeze(self.name, self, {"row": (k,)}, dtype=int)
 
     @property
+    @abstractmethod
     def rows(self) -> int:
         """Dimensions of each residual, m."""
-        raise NotImplementedError
 
     @property
     def parameters(self) -> tuple[str, ...]:

@@ -135,7 +135,7 @@ class AnswerTerm:
     def adjoint_value(self, adjoint: Adjoint, states: States) -> Tensor:
         """Return ``Adjoint.value``, which torch differentiates by values and covariances."""
         r, J = self._rows([states.at(rows) for rows in self.keyframes.T])
-        step, M = map(torch.from_numpy, adjoint.of(self.keyframes))
+        step, M = map(torch.from_numpy, adjoint.derivatives(self.keyframes))
         along = torch.einsum("mfw,mw->mf", J, step)
         return (along * r).sum() - torch.einsum("mfw,mwu,mfu->", J, M, J)
 

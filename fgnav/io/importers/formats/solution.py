@@ -107,7 +107,7 @@ class Solution:
     notes: dict[str, str] = field(default_factory=dict)  # by key of flight.toml
     is_dated: bool = False
 
-    def of(self, table: str, *blocks: Names) -> list[Timed]:
+    def timed(self, table: str, *blocks: Names) -> list[Timed]:
         """Return times and values of blocks of columns, each of the first protocol that has it."""
         found = list[Timed]()
         for names in blocks:
@@ -122,15 +122,15 @@ class Solution:
 
     def fixes(self) -> Samples:
         """Return fixes, with those sigmas and velocities that most have."""
-        place, *others = self.of(
+        place, *others = self.timed(
             "fixes", col.PLACE, col.POSITION_SIGMA, col.VELOCITY, col.VELOCITY_SIGMA
         )
         return joined("fix", place, others, self.counts)
 
     def baselines(self) -> Samples:
         """Return baselines as vectors, else as headings, with what most have."""
-        vector, sigma = self.of("baseline", col.BASELINE, col.POSITION_SIGMA)
-        heading, *others = self.of("baseline", *_HEADINGS)
+        vector, sigma = self.timed("baseline", col.BASELINE, col.POSITION_SIGMA)
+        heading, *others = self.timed("baseline", *_HEADINGS)
         if len(vector[1]):
             self.counts["heading", "a baseline has it, too"] += len(heading[1])
             return joined("baseline", vector, [sigma], self.counts)
