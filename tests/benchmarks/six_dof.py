@@ -13,7 +13,7 @@ import numpy as np
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav_sim.vehicle.atmosphere import Air
-from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_body
 from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
 from tests.benchmarks._rows import Row, row, timed
 
@@ -67,7 +67,7 @@ def _flight(vehicle: Vehicle) -> Task:
     plan = Plan(duration_s=FLIGHT_S, step_s=STEP_S, row_interval_s=0.1, gravity="j2")
 
     def work() -> None:
-        fly_batch([vehicle], [start], [Air()], plan)
+        fly_body(vehicle, start, Air(), plan)
 
     return FLIGHT_S / STEP_S, work
 

@@ -1,6 +1,6 @@
 """GNSS receivers: code, carrier phase, Doppler and C/N0 of every antenna, from light time up."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import C_MPS, geodetic, ned_axes
 from fgnav.gnss.signals import wavelengths_m
+from fgnav.progress import report
 from fgnav.types.flight import LinkIntegers
 from fgnav.types.observations import LOST_LOCK, Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
@@ -37,7 +38,6 @@ def observe(
     messages: BroadcastOrbits | None = None,
     satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
-    progress: Callable[[float], None] = lambda _share: None,
 ) -> "Received":
     """Return what the receivers measure, and the integers that nobody tells them.
 
@@ -54,8 +54,6 @@ def observe(
     satellite_cycles : mapping, optional
         What satellites add to the phase of a channel, by satellite and signal; drawn where it is
         not given.
-    progress : callable
-        Told the share done, up to 1.
 
     Raises
     ------
@@ -78,7 +76,7 @@ def observe(
             measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
             if sensor.reflectors:
                 measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
-        progress(min(1.0, (first + _BLOCK) / len(t_s)))
+        report(min(1.0, (first + _BLOCK) / len(t_s)))
     if sensor.wind_up and measured.e_b is not None:
         true_s = t_s - offset_s[:, 0]
         state = scenario.motion(true_s)

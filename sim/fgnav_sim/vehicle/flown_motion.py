@@ -63,9 +63,7 @@ class FlownMotion:
         )
 
 
-def flown_motion(
-    flown: Flown, origin: Origin, flight: int = 0, vehicle: Vehicle | None = None
-) -> FlownMotion:
+def flown_motion(flown: Flown, origin: Origin, vehicle: Vehicle | None = None) -> FlownMotion:
     """Return the motion of a flight in the frame ``n`` of an origin.
 
     Parameters
@@ -84,11 +82,9 @@ def flown_motion(
     BadInputError
         If fewer than two rows of the flight are above the ground.
     """
-    count = int(flown.rows[flight])
-    if count < 2:
-        raise BadInputError(f"flight {flight}: must have two rows or more, got {count}")
-    t_s, y, dy = flown.t_s[:count], flown.y[flight, :count], flown.dy[flight, :count]
-    planet = flown.planet
+    t_s, y, dy, planet = flown.t_s, flown.y, flown.dy, flown.planet
+    if len(t_s) < 2:
+        raise BadInputError("flown.start: the flight meets the ground at once; start higher")
     R_ni = origin.R_ne @ planet.turn(t_s)
     p_i, v_i, a_i, w = y[:, P : P + 3], y[:, V : V + 3], dy[:, V : V + 3], y[:, W : W + 3]
     earth = planet.rate_i_radps

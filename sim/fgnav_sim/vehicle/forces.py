@@ -58,9 +58,9 @@ _NOT_NEGATIVE = 2**48 - 1  # a mask that says so: indices need no check, loops v
 
 
 class Model(NamedTuple):
-    """A batch of flights."""
+    """A flight."""
 
-    bodies: Any
+    body: Body
     tables: Any  # whose parts start where the body says
     air: Any  # see ``atmosphere.us_1976``
 

@@ -1,6 +1,5 @@
-"""Vehicles, air and commands as the arrays of the compiled code."""
+"""Vehicle, air and commands as the arrays of the compiled code."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -23,20 +22,20 @@ _NO_COMMAND = np.zeros((2, 6))
 
 
 def pack(
-    vehicles: Sequence[Vehicle],
-    air: Sequence[Air],
+    vehicle: Vehicle,
+    air: Air,
     field: tuple[str, Planet],
     commands: Attitude | None,
     duration_s: float,
 ) -> Model:
-    """Return the arrays of a batch of flights: vehicles and air one each.
+    """Return the arrays of a flight.
 
     ``field`` is the gravity model and the planet it belongs to.
 
     Raises
     ------
     BadInputError
-        If the gravity model is unknown or another planet's, or only some flights have air.
+        If the gravity model is unknown or another planet's.
     """
     gravity, planet = field
     if gravity not in GRAVITY:
@@ -45,27 +44,18 @@ def pack(
         raise BadInputError(
             "gravity model: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
         )
-    if len({one.present for one in air}) != 1:
-        raise BadInputError("air: must be present in all flights of a batch, or in none")
     command = _NO_COMMAND if commands is None else _command_table(commands, duration_s)
-    bodies, tables = np.zeros(len(vehicles), BODY), []
-    for row, (vehicle, one) in enumerate(zip(vehicles, air, strict=True)):
-        _write_body(bodies[row], vehicle, one)
-        _write_field(bodies[row], gravity, planet)
-        parts = {
-            "mach": _coefficients(vehicle),
-            "burn": _burn(vehicle.motor),
-            "wind": (one.wind_height_m, one.wind_mps),
-            "gust": (one.gust_mps,),
-            "command": (command,),
-        }
-        tables.append(_joined(bodies[row], parts))
-    longest = max(len(table) for table in tables)
-    return Model(
-        bodies=bodies,
-        tables=np.stack([np.pad(table, (0, longest - len(table))) for table in tables]),
-        air=us_1976() if air[0].present else vacuum(),
-    )
+    body = np.zeros(1, BODY)[0]
+    _write_body(body, vehicle, air)
+    _write_field(body, gravity, planet)
+    parts = {
+        "mach": _coefficients(vehicle),
+        "burn": _burn(vehicle.motor),
+        "wind": (air.wind_height_m, air.wind_mps),
+        "gust": (air.gust_mps,),
+        "command": (command,),
+    }
+    return Model(body=body, tables=_joined(body, parts), air=us_1976() if air.present else vacuum())
 
 
 def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArray:
@@ -90,7 +80,7 @@ def _write_field(body: np.void, gravity: str, planet: Planet) -> None:
 
 
 def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
-    """Write the scalars of one flight."""
+    """Write the scalars of vehicle and air."""
     dry, motor = vehicle.body, vehicle.motor
     body["dry_kg"], body["dry_centre_m"] = dry.mass_kg, dry.centre_m
     body["dry_kgm2"] = (*dry.inertia_kgm2, *dry.products_kgm2)

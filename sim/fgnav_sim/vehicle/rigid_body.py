@@ -1,15 +1,14 @@
-"""Flights of rigid bodies in six degrees of freedom, many in one call."""
+"""Flights of rigid bodies in six degrees of freedom."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, frozen, positive
+from fgnav.checks import BadInputError, FloatArray, frozen, positive
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew
 from fgnav_sim.vehicle.atmosphere import FLOOR_M, Air
-from fgnav_sim.vehicle.forces import SIZE, SPIN, Model, P, Q, V, W
+from fgnav_sim.vehicle.forces import SIZE, SPIN, P, Q, V, W
 from fgnav_sim.vehicle.model import Attitude, pack
 from fgnav_sim.vehicle.planet import WGS84, FieldModel, Planet
 from fgnav_sim.vehicle.rigid_body_kernel import fly, rates
@@ -55,7 +54,7 @@ class Launch:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Plan:
-    """How flights are integrated."""
+    """How a flight is integrated."""
 
     duration_s: float
     step_s: float = 1e-3  # at most; it divides the interval of rows
@@ -90,69 +89,42 @@ class Plan:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Flown:
-    """Flights of equal times, in the inertial frame ``i``: the Earth's axes at ``t_s = 0``."""
+    """A flight above the ground in the inertial frame ``i``: the Earth's axes at ``t_s = 0``."""
 
     t_s: FloatArray  # (m,)
-    # (n, m, 19); states of the compiled code, by flight and time; NaN after a flight has met the
-    # ground
-    y: FloatArray
-    dy: FloatArray  # (n, m, 19); their time derivatives
-    rows: IntArray  # (n,); how many rows of each flight are above the ground
+    y: FloatArray  # (m, 19); states of the compiled code
+    dy: FloatArray  # (m, 19); their time derivatives
     planet: Planet = WGS84
 
 
-def fly_batch(
-    vehicles: Sequence[Vehicle],
-    launches: Sequence[Launch],
-    air: Sequence[Air],
-    plan: Plan,
-) -> Flown:
-    """Integrate flights with fixed fourth-order Runge-Kutta steps.
-
-    Parameters
-    ----------
-    vehicles, launches, air : sequences of equal length
-        One flight each; tables of the vehicles and of the air have equal lengths in a batch.
+def fly_body(vehicle: Vehicle, launch: Launch, air: Air, plan: Plan) -> Flown:
+    """Integrate a flight with fixed fourth-order Runge-Kutta steps, until it meets the ground.
 
     Raises
     ------
     BadInputError
-        If the lengths differ, or the step is too long for a flight: the integration diverges.
+        If the step is too long: the canards or the integration diverge.
     """
-    model, start = _prepared(vehicles, launches, air, plan)
-    y = np.full((len(start), len(plan.t_s), SIZE), np.nan)
-    y[:, 0] = start
-    steps = plan.steps_per_row
-    rows = fly(model, plan.row_interval_s / steps, steps, plan.ground_m, y)
-    if (rows < 0).any():
-        flight = int(np.argmax(rows < 0))
+    at_work = vehicle.canards if vehicle.autopilot is not None else None
+    if at_work is not None and plan.step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
         raise BadInputError(
-            f"step_s: the integration of flight {flight} diverges with {plan.step_s:g} before "
-            f"t_s = {plan.t_s[-rows[flight]]:g}; take a shorter step"
+            f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
+            f"got {plan.step_s:g}; take a shorter step"
         )
-    dy = np.full_like(y, np.nan)
-    rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
-
-
-def _prepared(
-    vehicles: Sequence[Vehicle], launches: Sequence[Launch], air: Sequence[Air], plan: Plan
-) -> tuple[Model, FloatArray]:
-    """Return the arrays of a batch and its first states, (n, SIZE)."""
-    if not len(vehicles) == len(launches) == len(air) > 0:
+    t_s, steps = plan.t_s, plan.steps_per_row
+    model = pack(vehicle, air, (plan.gravity, plan.planet), plan.commands, t_s[-1])
+    y = np.empty((len(t_s), SIZE))
+    y[0] = launch.state(plan.planet)
+    count = fly(model, plan.row_interval_s / steps, steps, plan.ground_m, y)
+    if count < 0:
         raise BadInputError(
-            "vehicles, launches, air: must be of one length above 0, "
-            f"got {len(vehicles)}, {len(launches)}, {len(air)}"
+            f"step_s: the integration diverges with {plan.step_s:g} before "
+            f"t_s = {t_s[-count]:g}; take a shorter step"
         )
-    for vehicle in vehicles:
-        at_work = vehicle.canards if vehicle.autopilot is not None else None
-        if at_work is not None and plan.step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
-            raise BadInputError(
-                f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
-                f"got {plan.step_s:g}; take a shorter step"
-            )
-    model = pack(vehicles, air, (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
-    return model, np.stack([launch.state(plan.planet) for launch in launches])
+    t_s, y = t_s[:count], y[:count]
+    dy = np.empty_like(y)
+    rates(model, t_s, y, dy)
+    return Flown(t_s=t_s, y=y, dy=dy, planet=plan.planet)
 
 
 def rotations_of(wxyz: FloatArray) -> FloatArray:

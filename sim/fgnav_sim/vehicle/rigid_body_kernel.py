@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray
 from fgnav.geometry import earth
 from fgnav.kernels.compiled import kernel
 from fgnav_sim.vehicle import autopilot, forces
@@ -302,44 +302,35 @@ def step(
 def fly(
     model: Model, h: float, steps_per_row: int, ground_m: float, out: FloatArray,
     sources: int = SOURCES,  # noqa: ARG001  # see SOURCES
-) -> IntArray:  # fmt: skip
-    """Fill ``out`` (flights, rows, SIZE) from its row 0; return each flight's number of rows.
+) -> int:  # fmt: skip
+    """Fill ``out`` (rows, SIZE) from its row 0; return the number of rows.
 
     A flight ends after its last row above the ground; a count below zero says that it diverged,
     and after how many rows.
     """
-    bodies, all_tables, air = model
-    counts = np.empty(len(out), np.int64)
+    body, tables, air = model
     work = np.zeros((4, SIZE))
-    for i in range(len(out)):
-        body, tables = bodies[i], all_tables[i]
-        counts[i] = out.shape[1]
-        for row in range(1, out.shape[1]):
-            y, worst, first = out[i, row], 0.0, (row - 1) * steps_per_row
-            for j in range(SIZE):
-                y[j] = out[i, row - 1, j]
-            for k in range(first, first + steps_per_row):
-                worst = max(worst, step(k * h, h, body, tables, air, y, work))
-            height = place(body, (y[P], y[P + 1], y[P + 2]))[0]
-            if worst < LARGEST_LOSS and ground_m <= height < LARGEST_M:
-                continue
-            above = worst < LARGEST_LOSS and height < LARGEST_M
-            counts[i] = row if above else -row
-            for j in range(SIZE):
-                y[j] = np.nan
-            break
-    return counts
+    for row in range(1, len(out)):
+        y, worst, first = out[row], 0.0, (row - 1) * steps_per_row
+        for j in range(SIZE):
+            y[j] = out[row - 1, j]
+        for k in range(first, first + steps_per_row):
+            worst = max(worst, step(k * h, h, body, tables, air, y, work))
+        height = place(body, (y[P], y[P + 1], y[P + 2]))[0]
+        if not (worst < LARGEST_LOSS and height < LARGEST_M):
+            return -row
+        if height < ground_m:
+            return row
+    return len(out)
 
 
 @kernel
 def rates(
-    model: Model, t_s: FloatArray, y: FloatArray, counts: IntArray, dy: FloatArray,
+    model: Model, t_s: FloatArray, y: FloatArray, dy: FloatArray,
     sources: int = SOURCES,  # noqa: ARG001  # see SOURCES
 ) -> None:  # fmt: skip
-    """Fill ``dy`` (flights, rows, SIZE) with the time derivatives of states above the ground."""
-    bodies, all_tables, air = model
+    """Fill ``dy`` (rows, SIZE) with the time derivatives of states."""
+    body, tables, air = model
     c = np.zeros(COEFFICIENTS)
-    for i in range(len(y)):
-        body, tables = bodies[i], all_tables[i]
-        for row in range(counts[i]):
-            derivative(t_s[row], body, tables, air, y[i, row], dy[i, row], c)
+    for row in range(len(y)):
+        derivative(t_s[row], body, tables, air, y[row], dy[row], c)

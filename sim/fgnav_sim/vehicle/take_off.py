@@ -1,6 +1,5 @@
-"""Scenarios that a rigid body flies: from their tables to motion, many in one compiled call."""
+"""Scenarios that a rigid body flies: from their tables to motion."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -15,7 +14,7 @@ from fgnav_sim.vehicle.flown_motion import flown_motion
 from fgnav_sim.vehicle.flown_table import FlownTable
 from fgnav_sim.vehicle.forces import PATH
 from fgnav_sim.vehicle.planet import WGS84, Planet
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_body
 from fgnav_sim.vehicle.tables import Vehicle
 
 ROW_INTERVAL_S = 0.01  # quintics in between are within 1e-9 of the attitude at 5 turns a second
@@ -24,58 +23,42 @@ GUST_INTERVAL_M = 5.0
 Airborne: TypeAlias = tuple[Scenario, tuple[Unused, ...]]  # with known motion; parts not flown
 
 
-def take_off(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> list[Airborne]:
-    """Fly the rigid bodies of scenarios; what is commanded stays as it is.
+def take_off(scenario: Scenario, rng: np.random.Generator) -> Airborne:
+    """Fly the rigid body of a scenario; what is commanded stays as it is.
 
     A flight that meets the ground ends there: its duration becomes shorter, and says so.
 
     Parameters
     ----------
-    scenarios : sequence of Scenario
-        Variants of one: those alike in step, length and commands share a call.
-    rngs : sequence of Generator
-        One each, for gusts.
+    rng : Generator
+        For gusts.
 
     Raises
     ------
     BadInputError
-        If a step is too long, or a flight meets the ground at once.
+        If a step is too long, or the flight meets the ground at once.
     """
-    alike: dict[object, list[int]] = {}
-    for row, scenario in enumerate(scenarios):
-        if scenario.flown is not None:
-            alike.setdefault(_key(scenario, scenario.flown), []).append(row)
-    airborne: list[Airborne] = [(scenario, ()) for scenario in scenarios]
-    for rows in alike.values():
-        flown = _fly([scenarios[row] for row in rows], [rngs[row] for row in rows])
-        for row, one in zip(rows, flown, strict=True):
-            airborne[row] = one
-    return airborne
-
-
-def _key(scenario: Scenario, flown: FlownTable) -> object:
-    """Return what scenarios must have in common to be flown in one call."""
-    return (
-        scenario.duration_s, scenario.gravity, flown.gravity, flown.earth, flown.ground_m,
-        flown.step_s, flown.attitude, flown.air,
-    )  # fmt: skip
-
-
-def _fly(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> list[Airborne]:
-    """Fly scenarios that share a plan."""
-    tables = [scenario.flown for scenario in scenarios if scenario.flown is not None]
-    vehicles = [_vehicle(table) for table in tables]
-    planet = tables[0].earth or WGS84
-    launches = [_launch(s, t, planet) for s, t in zip(scenarios, tables, strict=True)]
-    air = [_air(t, la, rng) for t, la, rng in zip(tables, launches, rngs, strict=True)]
+    table = scenario.flown
+    if table is None:
+        return scenario, ()
+    vehicle, planet = _vehicle(table), table.earth or WGS84
+    launch = _launch(scenario, table, planet)
+    air = _air(table, launch, rng)
     try:
-        flown = fly_batch(vehicles, launches, air, _plan(scenarios[0], tables[0], planet))
+        flown = fly_body(vehicle, launch, air, _plan(scenario, table, planet))
     except BadInputError as error:
         raise BadInputError(f"flown.{error}") from None
-    return [
-        _airborne(scenario, vehicle, flown, row)
-        for row, (scenario, vehicle) in enumerate(zip(scenarios, vehicles, strict=True))
-    ]
+    motion = flown_motion(flown, scenario.origin.frame, vehicle)
+    last_s, path_m = float(flown.t_s[-1]), float(flown.y[-1, PATH])
+    unused = []
+    if last_s < scenario.duration_s:
+        reason = f"the body met the ground after {last_s:.2f} s"
+        unused.append(Unused(what="landing", reason=reason, count=1))
+    if table.gusts is not None and path_m > table.gusts.length_m:
+        reason = f"gusts end after {table.gusts.length_m:g} of {path_m:.0f} m through the air"
+        unused.append(Unused(what="gusts", reason=reason, count=1))
+    changes = {"motion": motion, "flown": None, "duration_s": min(last_s, scenario.duration_s)}
+    return msgspec.structs.replace(scenario, **changes), tuple(unused)
 
 
 def _vehicle(table: FlownTable) -> Vehicle:
@@ -145,22 +128,3 @@ def _air(table: FlownTable, launch: Launch, rng: np.random.Generator) -> Air:
         interval_m=GUST_INTERVAL_M,
     )
     return replace(steady, gust_mps=gust_mps, gust_interval_m=GUST_INTERVAL_M)
-
-
-def _airborne(scenario: Scenario, vehicle: Vehicle, flown: Flown, row: int) -> Airborne:
-    """Return a scenario with the motion it flew, no longer than that lasted."""
-    count, unused = int(flown.rows[row]), list[Unused]()
-    last_s = float(flown.t_s[count - 1])
-    if count < 2:
-        raise BadInputError("flown.start: the flight meets the ground at once; start higher")
-    if last_s < scenario.duration_s:
-        reason = f"the body met the ground after {last_s:.2f} s"
-        unused.append(Unused(what="landing", reason=reason, count=1))
-    gusts = scenario.flown.gusts if scenario.flown else None
-    path_m = float(flown.y[row, count - 1, PATH])
-    if gusts is not None and path_m > gusts.length_m:
-        reason = f"gusts end after {gusts.length_m:g} of {path_m:.0f} m through the air"
-        unused.append(Unused(what="gusts", reason=reason, count=1))
-    motion = flown_motion(flown, scenario.origin.frame, row, vehicle)
-    changes = {"motion": motion, "flown": None, "duration_s": min(last_s, scenario.duration_s)}
-    return msgspec.structs.replace(scenario, **changes), tuple(unused)

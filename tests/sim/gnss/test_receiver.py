@@ -34,7 +34,7 @@ def run(sensor, scenario=FLIGHT, seed=1):
     letters = tuple(sensor.signals)
     orbits = built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s)
     rng = np.random.default_rng(seed)
-    seen = observe(sensor, scenario, orbits, rng=rng, progress=lambda _: None)
+    seen = observe(sensor, scenario, orbits, rng=rng)
     return orbits, seen.observations
 
 

@@ -36,7 +36,7 @@ def geodetic_on(planet, p_e_m):
 def position_e_m(flown):
     """Return ECEF positions of the centre of mass, (m, 3)."""
     turn = flown.planet.turn(flown.t_s)
-    return np.einsum("mij,mj->mi", turn, flown.y[0, :, P : P + 3])
+    return np.einsum("mij,mj->mi", turn, flown.y[:, P : P + 3])
 
 
 def places(flown):
@@ -46,7 +46,7 @@ def places(flown):
 
 def rotation_eb(flown):
     """Return R_eb, (m, 3, 3)."""
-    return flown.planet.turn(flown.t_s) @ rotations_of(flown.y[0, :, Q : Q + 4])
+    return flown.planet.turn(flown.t_s) @ rotations_of(flown.y[:, Q : Q + 4])
 
 
 def euler_rad(flown):
@@ -54,27 +54,27 @@ def euler_rad(flown):
     return to_euler(ned_axes(*places(flown)[:, :2].T) @ rotation_eb(flown))
 
 
-def velocity_e_mps(flown, flight=0):
+def velocity_e_mps(flown):
     """Return velocities against the Earth in ECEF axes, (m, 3)."""
-    p_i_m, v_i_mps = flown.y[flight, :, P : P + 3], flown.y[flight, :, V : V + 3]
+    p_i_m, v_i_mps = flown.y[:, P : P + 3], flown.y[:, V : V + 3]
     v_i_mps = v_i_mps - np.cross(flown.planet.rate_i_radps, p_i_m)
     return np.einsum("mij,mj->mi", flown.planet.turn(flown.t_s), v_i_mps)
 
 
 def rate_ib_b_radps(flown):
     """Return angular rates against inertial space, body axes, (m, 3)."""
-    return flown.y[0, :, W : W + 3]
+    return flown.y[:, W : W + 3]
 
 
 def deflections_rad(flown):
     """Return the deflections of the four canards, (m, 4)."""
-    return flown.y[0, :, FINS : FINS + 4]
+    return flown.y[:, FINS : FINS + 4]
 
 
 def fly_reference(vehicle, launch, air, plan):
     """Integrate one flight with DOP853; the ground is not looked for."""
-    model = pack([vehicle], [air], (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
-    body, tables, scratch = model.bodies[0], model.tables[0], np.zeros(COEFFICIENTS)
+    model = pack(vehicle, air, (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
+    body, tables, scratch = model.body, model.tables, np.zeros(COEFFICIENTS)
 
     def right_hand_side(t_s, y):
         dy = np.empty(SIZE)
@@ -90,7 +90,7 @@ def fly_reference(vehicle, launch, air, plan):
         t_eval=plan.t_s, rtol=1e-13, atol=absolute, max_step=0.1,
     )  # fmt: skip
     assert solved.success, solved.message
-    y, rows = np.ascontiguousarray(solved.y.T[None]), np.array([len(plan.t_s)])
+    y = np.ascontiguousarray(solved.y.T)
     dy = np.empty_like(y)
-    rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
+    rates(model, plan.t_s, y, dy)
+    return Flown(t_s=plan.t_s, y=y, dy=dy, planet=plan.planet)

@@ -8,7 +8,7 @@ from fgnav_sim.vehicle.autopilot import commanded
 from fgnav_sim.vehicle.forces import SPIN
 from fgnav_sim.vehicle.model import pack
 from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_body
 from fgnav_sim.vehicle.tables import Vehicle
 from tests.sim.vehicle.reference import (
     ROCKET,
@@ -34,7 +34,7 @@ def flown(
         spin_radps=spin_radps,
     )
     plan = Plan(duration_s=8.0, commands=commands)
-    return fly_batch([vehicle], [start], [air or Air()], plan)
+    return fly_body(vehicle, start, air or Air(), plan)
 
 
 def test_the_forebody_follows_commanded_angles_while_the_rear_body_spins() -> None:
@@ -49,7 +49,7 @@ def test_the_forebody_follows_commanded_angles_while_the_rear_body_spins() -> No
     assert np.abs(euler_deg[settled, 0] - 30.0).max() < 0.2
     assert np.abs(euler_deg[settled, 1] - 12.0).max() < 1.0
     assert np.abs(euler_deg[settled, 2] - 1.0).max() < 1.0
-    assert flight.y[0, 10, SPIN] > 10.0
+    assert flight.y[10, SPIN] > 10.0
     assert np.abs(euler_deg[:10, 0]).max() < 0.5
 
 
@@ -80,9 +80,9 @@ def test_the_autopilot_holds_roll_in_turbulence() -> None:
 
 def test_commands_in_the_table_are_those_of_the_motion_and_their_rates() -> None:
     commands = (Sine(amplitude_deg=20.0), Ramp(amplitude_deg=5.0, rise_s=3.0), Rate(rate_degps=4.0))
-    model = pack([ROCKET], [Air()], ("j2", WGS84), commands, 10.0)
+    model = pack(ROCKET, Air(), ("j2", WGS84), commands, 10.0)
     for t_s in (0.0, 0.37, 2.99, 7.77, 10.0):
-        angle, rate = commanded(model.bodies[0], model.tables[0], t_s)
+        angle, rate = commanded(model.body, model.tables, t_s)
         exact = np.array([command(np.array([t_s]))[:2, 0] for command in commands])
         assert np.array(angle) == pytest.approx(exact[:, 0], abs=1e-7)
         assert np.array(rate) == pytest.approx(exact[:, 1], abs=1e-4)
@@ -93,10 +93,10 @@ def test_a_boosted_rocket_leaves_the_ground_stable_and_comes_down_whole() -> Non
     start = launch(height_m=100.0, v_n_mps=v_n_mps, euler_rad=euler_rad)
     passive = msgspec.structs.replace(ROCKET, autopilot=None, canards=None)
     plan = Plan(duration_s=80.0, row_interval_s=0.1, ground_m=100.0)
-    flight = fly_batch([passive], [start], [Air()], plan)
-    height = places(flight)[: flight.rows[0], 2]
+    flight = fly_body(passive, start, Air(), plan)
+    height = places(flight)[:, 2]
     assert 1000.0 < height.max() < 6000.0
-    assert flight.rows[0] < len(flight.t_s)
+    assert flight.t_s[-1] < plan.duration_s
     boost = (flight.t_s > 0.5) & (flight.t_s < 8.0)
     v_e, u_e = velocity_e_mps(flight)[boost], rotation_eb(flight)[boost, :, 0]
     cosine = np.sum(v_e * u_e, axis=1) / np.linalg.norm(v_e, axis=1)

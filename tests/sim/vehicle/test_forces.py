@@ -16,7 +16,7 @@ from fgnav_sim.vehicle.forces import (
 )  # fmt: skip
 from fgnav_sim.vehicle.model import pack
 from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Plan, fly_body
 from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
 from tests.sim.vehicle.reference import ROCKET, launch, rate_ib_b_radps
 
@@ -25,8 +25,8 @@ DENSITY = 1.1
 
 
 def packed(vehicle: Vehicle, air: Air | None = None) -> tuple[np.void, np.ndarray]:
-    model = pack([vehicle], [air or Air()], ("j2", WGS84), None, 1.0)
-    return model.bodies[0], model.tables[0]
+    model = pack(vehicle, air or Air(), ("j2", WGS84), None, 1.0)
+    return model.body, model.tables
 
 
 def flow(v_b: np.ndarray, w_b: np.ndarray) -> tuple:
@@ -168,7 +168,7 @@ def test_moments_move_with_the_centre_of_mass() -> None:
     for centre_m in (1.5, 1.0, 2.0):
         body = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3), centre_m=centre_m)
         plan = Plan(duration_s=0.01)
-        flight = fly_batch([Vehicle(body=body, aerodynamics=shape)], [start], [Air()], plan)
+        flight = fly_body(Vehicle(body=body, aerodynamics=shape), start, Air(), plan)
         turns.append(rate_ib_b_radps(flight)[-1, 1])
     assert abs(turns[0]) < 1e-4  # the Earth's rotation
     assert turns[1] > 0.01  # lift ahead of the centre of mass turns the nose up

@@ -10,7 +10,7 @@ import pytest
 
 from fgnav.geometry.earth import ned_axes
 from fgnav_sim.vehicle.atmosphere import Air
-from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_body
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
 from tests.sim.vehicle.reference import euler_rad, launch, places, velocity_e_mps
 
@@ -62,7 +62,7 @@ def flown(
         w_ib_b_radps=np.array(rates_degps) * DEG,
     )
     plan = Plan(duration_s=30.0, step_s=5e-3, row_interval_s=0.1, gravity="j2")
-    return fly_batch([vehicle], [start], [air], plan)
+    return fly_body(vehicle, start, air, plan)
 
 
 def altitude_error_ft(flight: Flown, reference: np.ndarray) -> float:

@@ -8,7 +8,7 @@ from fgnav.checks import BadInputError
 from fgnav.geometry.earth import GM_M3PS2, Origin, geodetic
 from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.planet import WGS84, Planet
-from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_body
 from fgnav_sim.vehicle.tables import Airframe, BodyTable, Vehicle
 from tests.sim.vehicle.reference import geodetic_on, launch, places, velocity_e_mps
 
@@ -33,7 +33,7 @@ def dropped(
     plan = Plan(
         duration_s=duration_s, step_s=5e-3, row_interval_s=0.1, gravity="spherical", planet=planet
     )
-    return fly_batch([vehicle], [start], [air or Air(present=False)], plan)
+    return fly_body(vehicle, start, air or Air(present=False), plan)
 
 
 def kepler(p_m: np.ndarray, v_mps: np.ndarray, t_s: float) -> np.ndarray:
@@ -71,7 +71,7 @@ def test_in_vacuum_a_body_follows_its_kepler_ellipse(
     planet: Planet, v_n_mps: tuple[float, ...]
 ) -> None:
     flight = dropped(planet, v_n_mps=v_n_mps, latitude_rad=0.6)
-    y, end_s = flight.y[0], flight.t_s[-1]
+    y, end_s = flight.y, flight.t_s[-1]
     assert y[-1, :3] == pytest.approx(kepler(y[0, :3], y[0, 3:6], end_s), abs=1e-6)
 
 
@@ -99,4 +99,4 @@ def test_planets_that_cannot_be_are_named() -> None:
             Planet(**wrong)
     plan = Plan(duration_s=1.0, planet=STILL)
     with pytest.raises(BadInputError, match="gravity model: wgs84-normal is the WGS-84 Earth's"):
-        fly_batch([STONE], [launch()], [Air()], plan)
+        fly_body(STONE, launch(), Air(), plan)
