@@ -1,6 +1,5 @@
 """What a campaign amounts to, as text: each figure with its interval, each method against one."""
 
-from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -30,7 +29,6 @@ from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import write_text
 
 REPORT, PAGE = "report.txt", "report.html"
-_WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
 _SUMMARY = (
     *("attitude_rmse_deg", "position_rmse_m", "velocity_rmse_mps", "attitude_nees"),
@@ -40,51 +38,29 @@ _WIDTH = 400  # letters of a table
 
 
 class Table:
-    """Figures of a campaign by case, column, flight and method: 8 bytes each, no more.
+    """Figures of a campaign by case: arrays of (flights, columns, methods, figures).
 
     Columns of a sweep share their random draws, flight by flight: intervals and tests are by
-    flight number, over all columns of which a flight is averaged first.
+    flight number, over all columns of which a flight is averaged first. NaN where a flight has not
+    been flown, or the method had no answer.
     """
 
     def __init__(self, order: Order, records: Iterable[Record]) -> None:
-        self._methods = order.titles
-        self._columns = [case.columns for case in order.case]
-        cases = [case.title for case in order.case]
-        flat: dict[tuple[int, int], array[float]] = {}
-        flights: dict[tuple[int, int], array[int]] = {}
+        cases, self._methods = [case.title for case in order.case], order.titles
+        size = len(self._methods), len(FIGURES)
+        self._of = [np.full((order.flights, c.columns, *size), np.nan) for c in order.case]
+        self.flown = [0] * len(cases)
         for record in records:
-            key = (cases.index(record["case"]), record["column"])
-            own = flat.setdefault(key, array("d"))
-            flights.setdefault(key, array("q")).append(record["flight"])
-            for method in self._methods:
+            case = cases.index(record["case"])
+            self.flown[case] += 1
+            for m, method in enumerate(self._methods):
                 figures = record["methods"].get(method, {}).get("figures", {})
-                values = (figures.get(name) for name in FIGURES)
-                own.extend(np.nan if value is None else value for value in values)
-        shape = (-1, len(self._methods), len(FIGURES))
-        self._of = {key: np.array(flat[key]).reshape(shape) for key in sorted(flat)}
-        self._flights = {key: np.array(flights[key]) for key in self._of}
-
-    def __len__(self) -> int:
-        """Return the number of records."""
-        return sum(map(len, self._of.values()))
-
-    def flown(self, case: int) -> int:
-        """Return the number of records of a case."""
-        return sum(len(v) for (c, _), v in self._flights.items() if c == case)
+                own = self._of[case][record["flight"], record["column"], m]
+                own[:] = [figures.get(name) for name in FIGURES]
 
     def figure(self, name: str, method: str, case: int) -> FloatArray:
-        """Return a figure of each flight and column of a case, (flights, columns).
-
-        NaN where a flight has not been flown, or the method had no answer.
-        """
-        m, k = self._methods.index(method), list(FIGURES).index(name)
-        own = {column: v for (c, column), v in self._flights.items() if c == case}
-        numbers = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
-        values = np.full((len(numbers), self._columns[case]), np.nan)
-        for column, flights in own.items():
-            rows = np.searchsorted(numbers, flights)
-            values[rows, column] = self._of[case, column][:, m, k]
-        return values
+        """Return a figure of each flight and column of a case, (flights, columns)."""
+        return self._of[case][..., self._methods.index(method), list(FIGURES).index(name)]
 
 
 def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[str, Report]:
@@ -94,7 +70,7 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     """
     table = Table(order, records)
     groups = _swept_alike(order)
-    head = paragraph(_head(order, len(table)))
+    head = paragraph(_head(order, sum(table.flown)))
     parts = [("summary", "Summary", head + _summaries(order, table))]
     for number, cases in enumerate(groups):
         swept, tables, charts = _sweep(order, table, cases)
@@ -139,7 +115,7 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
         answered = np.nansum(table.figure("available", title, number))
-        share = 100 * float(answered) / max(table.flown(number), 1)
+        share = 100 * float(answered) / max(table.flown[number], 1)
         cells = [
             interval(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
             for name in _SUMMARY
@@ -209,8 +185,6 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
         return np.asarray(np.concatenate(figures, axis=1).mean(axis=1))  # NaN where one is missing
 
     rng = np.random.default_rng([BOOTSTRAP_SEED, *cases])
-    if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
-        return  # flights of one of them are still to come
     baseline = means(order.reference)
     for title in order.titles:
         own = means(title)
