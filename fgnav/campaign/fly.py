@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -26,27 +25,22 @@ def estimator_of(table: MethodTable) -> Estimator:
     BadInputError
         Naming the table and what it asks that is not there.
     """
-    from fgnav.evaluation.ablation import restricted  # noqa: PLC0415
-    from fgnav.gravity import gravity_named  # noqa: PLC0415
-    from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import Options, method_named  # noqa: PLC0415
+    from fgnav.evaluation.ablation import restricted  # noqa: PLC0415  # lazy: brings methods
+    from fgnav.face import method  # noqa: PLC0415
 
     try:
-        options = Options(
-            gravity=None if table.gravity is None else gravity_named(table.gravity),
+        estimator = method(
+            table.method,
+            integers=table.integers,
+            gravity=table.gravity,
             calibrate=table.calibrate,
             factors=table.factors,
             causal=table.causal,
             lag_s=table.lag_s,
         )
-        estimator = method_named(table.method, resolver_named(table.integers), options)
-        if table.without:
-            return restricted(table.title, estimator, table.without)
+        return restricted(table.title, estimator, table.without)
     except BadInputError as error:
         raise BadInputError(f"[[method]] {table.title!r}: {error}") from None
-    if "name" in getattr(estimator, "__dataclass_fields__", ()):
-        return replace(estimator, name=table.title)  # type: ignore[type-var]  # it is one
-    return restricted(table.title, estimator, ())
 
 
 def check_order(order: Order) -> None:

@@ -27,8 +27,10 @@ class Restricted:
         return replace(self.estimator(without(flight, self.without)), method=self.name)
 
 
-def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  # noqa: ANN401
-    """Return a method without some kinds of measurement, gravity among them where it takes it.
+def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Estimator:  # noqa: ANN401
+    """Return a method by another name, without some kinds of measurement.
+
+    Gravity may be among them where the method takes it.
 
     Raises
     ------
@@ -42,6 +44,9 @@ def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  
             raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
         others = tuple(one for one in estimator.factors or () if not _is_gravity(one))
         estimator = replace(estimator, gravity=None, factors=others)
+    if not measured and "name" in getattr(estimator, "__dataclass_fields__", ()):
+        renamed: Estimator = replace(estimator, name=name)  # it may share its preparation
+        return renamed
     return Restricted(name=name, estimator=estimator, without=measured)
 
 

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fgnav.cli.arguments.options import SmootherOptions
 from fgnav.terminal import Steps, progress
@@ -35,33 +35,28 @@ def _loading() -> Iterator[None]:
 def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.face import method  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import SMOOTHERS, WITH_GRAVITY, WITH_LAG, Options, method_named  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS, WITH_GRAVITY, WITH_LAG  # noqa: PLC0415
 
-    resolver, names = resolver_named(integers), list(_words(methods))
-    options = Options(
-        gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
-        calibrate=_words(smoother.calibrate),
-        factors=factors_named(smoother.factors),
-        causal=smoother.causal,
-        noise=smoother.noise,
-        lag_s=smoother.lag,
-    )
+    resolver, names = resolver_named(integers), _words(methods)
+    options: dict[str, Any] = {
+        "gravity": None if smoother.gravity is None else gravity_named(smoother.gravity),
+        "calibrate": _words(smoother.calibrate) or None,
+        "factors": factors_named(smoother.factors),
+        "noise": smoother.noise,
+        "causal": smoother.causal,
+        "lag_s": smoother.lag,
+    }
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
-    takers = {
-        "--gravity": (options.gravity is not None, WITH_GRAVITY),
-        "--calibrate": (bool(options.calibrate), SMOOTHERS),
-        "--factors": (options.factors is not None, WITH_GRAVITY),
-        "--noise": (options.noise is not None, SMOOTHERS),
-        "--causal": (options.causal, ("smoother",)),
-        "--lag": (options.lag_s is not None, WITH_LAG),
-    }
-    for option, (is_given, taken_by) in takers.items():
-        if is_given and not set(names) & set(taken_by):
-            raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
-    return [method_named(name, resolver, options) for name in names]
+    takers = (WITH_GRAVITY, SMOOTHERS, WITH_GRAVITY, SMOOTHERS, ("smoother",), WITH_LAG)
+    for (option, value), taken_by in zip(options.items(), takers, strict=True):
+        if value not in (None, False) and not set(names) & set(taken_by):
+            flag = f"--{option.removesuffix('_s')}"
+            raise BadInputError(f"{flag}: only {', '.join(taken_by)} use it, got {methods!r}")
+    return [method(name, integers=resolver, **options) for name in names]
 
 
 def factors_named(text: str) -> tuple[str, ...] | None:

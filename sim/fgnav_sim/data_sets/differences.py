@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.types.differences import DoubleDifferences
 from fgnav_sim.data_sets.epochs import ArrayEpochs
 
@@ -15,22 +15,8 @@ def double_differences_of(epochs: ArrayEpochs) -> DoubleDifferences:
     The reference of a group is its highest satellite. Runs follow each other in time, an hour
     apart, wherever on Earth they were. A slot whose satellite changes is named by its number:
     ``"G#2"``.
-
-    Parameters
-    ----------
-    epochs : ArrayEpochs
-        Of one array.
-
-    Raises
-    ------
-    BadInputError
-        If arrays differ: double differences have one set of baselines; take epochs of one run.
     """
-    array_b_m = epochs.antennas_b_m[0]
-    if not np.array_equal(epochs.antennas_b_m[-1], array_b_m) or not np.array_equal(
-        epochs.antennas_b_m, np.broadcast_to(array_b_m, epochs.antennas_b_m.shape)
-    ):
-        raise BadInputError("array epochs: arrays differ from run to run; take epochs of one run")
+    array_b_m = epochs.antennas_b_m
     reference = _references(epochs)
     occupied = epochs.satellites != ""
     usable = occupied & (reference[:, epochs.group] >= 0)

@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav_sim.data_sets.sky import Sky
-from fgnav_sim.data_sets.world import Drawn, GivenArray, World
+from fgnav_sim.data_sets.world import Drawn, World
 from fgnav_sim.gauss_markov import gauss_markov
 from fgnav_sim.propagation.multipath import echoes
 
@@ -114,9 +114,7 @@ def _mirror(
     values: list[FloatArray],
 ) -> None:
     """Add what the body mirrors to code and phase, in place."""
-    if not isinstance(world.array, GivenArray):
-        return
-    arms_b_m = np.array(world.array.antennas_b_m)
+    arms_b_m = np.array(world.antennas_b_m)
     for first in range(0, len(R_nb), _BLOCK):
         block = slice(first, first + _BLOCK)
         e_b = sky.e_n[block] @ R_nb[block]

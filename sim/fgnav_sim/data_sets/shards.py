@@ -21,7 +21,7 @@ _ARRAY = {
     "t_s": ("f8", "s", "epoch"),
     "run": ("i4", "1", "epoch"),
     "R_nb": ("f8", "1", "epoch n b"),
-    "antennas_b_m": ("f8", "m", "epoch-or-1 antenna b"),
+    "antennas_b_m": ("f8", "m", "antenna b"),
     "satellites": ("S3", "RINEX", "epoch slot"),
     "signals": ("S2", "RINEX", "slot"),
     "group": ("i2", "1", "slot"),
@@ -73,7 +73,7 @@ def write_data_set(world: AnyWorld, seed: int, folder: Path) -> dict[str, int]:
         manifest = {
             "format": "fgnav-data-set/2",
             "seed": seed,
-            "world": _without_folders(world),
+            "world": world,
             "columns": _columns_of(world),
             "shards": shards,
         }
@@ -92,22 +92,8 @@ def shard_columns(world: AnyWorld, seed: int, k: int, count: int) -> dict[str, N
         epochs, number, each = gravity_epochs(world, rng, count), "flight", world.windows.per_flight
     columns = {name: np.asarray(getattr(epochs, name)) for name in _columns_of(world)}
     columns[number] = columns[number] + k * (world.shard_epochs // each)
-    if isinstance(epochs, ArrayEpochs) and epochs.antennas_b_m.strides[0] == 0:
-        columns["antennas_b_m"] = epochs.antennas_b_m[:1]  # one array for all
     return {name: columns[name].astype(kind) for name, (kind, *_) in _columns_of(world).items()}
 
 
 def _columns_of(world: AnyWorld) -> dict[str, tuple[str, str, str]]:
     return _ARRAY if isinstance(world, World) else _GRAVITY
-
-
-def _without_folders(world: AnyWorld) -> AnyWorld:
-    """Return the world, the files it names without their folders."""
-    if isinstance(world, GravityWorld):
-        return world
-    files = {
-        key: tuple(Path(name).name for name in getattr(world.satellites, key))
-        for key in ("navigation", "orbits")
-    }
-    satellites = msgspec.structs.replace(world.satellites, **files)
-    return msgspec.structs.replace(world, satellites=satellites)
