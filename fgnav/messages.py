@@ -107,4 +107,4 @@ def note(code: str, **values: Any) -> Note:  # noqa: ANN401  # whatever its word
 def by_severity(notes: Iterable[str]) -> list[str]:
     """Return messages with the worst first; those without a code among what was done."""
     done = SEVERITIES.index("I")
-    return sorted(notes, key=lambda one: one.rank if isinstance(one, Note) else done)
+    return sorted(notes, key=lambda note: note.rank if isinstance(note, Note) else done)

@@ -47,10 +47,10 @@ def named(group: str, own: Mapping[str, str], name: str, *, kind: str) -> Any:  
             return entry.load()
     if ":" in name:
         return _from_module(name, kind)
-    known = names(group, own)
-    meant = get_close_matches(name, known, n=1)
+    registered = names(group, own)
+    meant = get_close_matches(name, registered, n=1)
     hint = f"did you mean {meant[0]}?" if meant else "module:attribute names any other"
-    listed = ", ".join(known) or "none is installed"
+    listed = ", ".join(registered) or "none is installed"
     raise BadInputError(f"{kind} {name!r}: not one of {listed}; {hint}")
 
 

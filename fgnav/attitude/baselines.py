@@ -145,11 +145,11 @@ def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion
         code = code_solution(flight)
     except NoSolutionError as error:
         return BodyMotion(notes=(note("W505", reason=error),))
-    places = _bridged(t_s, code.t_s, code.p_n_m, code.position_covariance_m2, power=2)
-    if places is None:
+    positions = _bridged(t_s, code.t_s, code.p_n_m, code.position_covariance_m2, power=2)
+    if positions is None:
         reason = "some epochs lie outside the code solutions"
         return BodyMotion(notes=(note("W505", reason=reason),))
-    p_n_m, position_covariance, bridged = places
+    p_n_m, position_covariance, bridged = positions
     notes = [note("I506", count=bridged)] if bridged else []
     arm_b_m = flight.antennas[0].position_b_m
     rates = None

@@ -32,9 +32,9 @@ class ImuRotation:
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return R_ub at times, (n,), as (n, 3, 3)."""
-        row = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
-        since_s = (t_s - self.t_s[row])[:, None]
-        return np.asarray(self.R_ub[row] @ exp(self.w_b_radps[row] * since_s))
+        k = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
+        since_s = (t_s - self.t_s[k])[:, None]
+        return np.asarray(self.R_ub[k] @ exp(self.w_b_radps[k] * since_s))
 
     def rates(self, t_s: FloatArray) -> FloatArray:
         """Return rates at times, (n,), as (n, 3)."""

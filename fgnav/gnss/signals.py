@@ -153,7 +153,9 @@ def select(
             names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
             if names:
                 rows.append((satellite, names[0], row))
-    channel = np.array([row for _, _, row in rows], dtype=np.int64).reshape(-1, coded.shape[1]).T
+    channel = (
+        np.array([columns for _, _, columns in rows], dtype=np.int64).reshape(-1, coded.shape[1]).T
+    )
     return Selection(
         satellites=tuple(satellite for satellite, _, _ in rows),
         signals=tuple(signal for _, signal, _ in rows),

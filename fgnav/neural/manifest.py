@@ -57,11 +57,11 @@ class Input(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check unit, frame and channels against the sensor's."""
-        known = SENSORS.get(self.sensor)
-        channels = len(self.range) if known is None else known.channels
-        if known is not None:
-            _one_of("unit", self.unit, (known.unit,), f"the unit of a flight's {self.sensor}")
-            _one_of("frame", self.frame, (known.frame,), f"the frame of a flight's {self.sensor}")
+        sensor = SENSORS.get(self.sensor)
+        channels = len(self.range) if sensor is None else sensor.channels
+        if sensor is not None:
+            _one_of("unit", self.unit, (sensor.unit,), f"the unit of a flight's {self.sensor}")
+            _one_of("frame", self.frame, (sensor.frame,), f"the frame of a flight's {self.sensor}")
         for key in ("mean", "scale", "range"):
             if len(getattr(self, key)) != channels or not channels:
                 raise ValueError(
@@ -273,10 +273,10 @@ class Manifest(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check the file's name, and that samples in time have a rate."""
-        for row, one in enumerate(self.inputs):
-            if self.output.measure.freedom and not one.rate_hz:
+        for index, spec in enumerate(self.inputs):
+            if self.output.measure.freedom and not spec.rate_hz:
                 raise ValueError(
-                    f"inputs[{row}].rate_hz: must be above 0 of a network that measures "
+                    f"inputs[{index}].rate_hz: must be above 0 of a network that measures "
                     f"{self.output.measures}, got 0"
                 )
         if Path(self.onnx).name != self.onnx or not self.onnx.endswith(".onnx"):
@@ -290,7 +290,10 @@ class Manifest(Table, frozen=True):
         output = self.output
         named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
         if output.measure.freedom:  # what a resolver computes of an epoch is none
-            named += [(f"domain[{row}].name", one.name) for row, one in enumerate(self.domain)]
+            named += [
+                (f"domain[{index}].name", statistic.name)
+                for index, statistic in enumerate(self.domain)
+            ]
         return [(key, name) for key, name in named if name]
 
 

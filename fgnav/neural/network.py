@@ -110,29 +110,29 @@ class Network:
     def with_sigma(self, sigma: Sequence[float]) -> "Network":
         """Return the same network with constant 1-sigmas, in SI, in place of its covariance."""
         output = self.manifest.output
-        stated = Covariance(form="none", sigma=tuple(one / output.in_si for one in sigma))
+        stated = Covariance(form="none", sigma=tuple(value / output.in_si for value in sigma))
         output = msgspec.structs.replace(output, covariance=stated)
         return replace(self, manifest=msgspec.structs.replace(self.manifest, output=output))
 
     def feed(self, inputs: Sequence[FloatArray]) -> dict[str, NDArray[np.float32]]:
         """Return what the graph is given of windows, by its inputs' names."""
         return {
-            one.name: ((x - one.mean) / one.scale)
+            spec.name: ((x - spec.mean) / spec.scale)
             .astype(np.float32)
             .reshape([x.shape[axis] for axis in axes])
-            for one, x, axes in zip(self.manifest.inputs, inputs, self.axes, strict=True)
+            for spec, x, axes in zip(self.manifest.inputs, inputs, self.axes, strict=True)
         }
 
     def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
         feed, names = self.feed(inputs), self.names
         answers = self.runtime.run(names, feed)
-        for name, part in zip(names, answers, strict=True):
-            if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
+        for name, answer in zip(names, answers, strict=True):
+            if answer.shape[:1] != (len(inputs[0]),) or answer.ndim > 3:
                 raise BadInputError(
                     f"{self.path}: output {name!r}: must have one row per window, "
-                    f"{len(inputs[0])}, got shape {part.shape}"
+                    f"{len(inputs[0])}, got shape {answer.shape}"
                 )
-        return [part.astype(np.float64).reshape(len(part), -1) for part in answers]
+        return [answer.astype(np.float64).reshape(len(answer), -1) for answer in answers]
 
 
 def load_network(path: Path, *, integers: bool = False) -> Network:
@@ -169,7 +169,7 @@ def load_network(path: Path, *, integers: bool = False) -> Network:
 def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tuple[int, ...], ...]:
     """Return which axes of each input the graph has, once it has what the manifest names."""
     have = {port.name: port for port in session.inputs}
-    wanted = {one.name: one for one in manifest.inputs}
+    wanted = {spec.name: spec for spec in manifest.inputs}
     if have.keys() != wanted.keys():
         raise BadInputError(
             f"{path}: key inputs: {manifest.onnx} takes {', '.join(have)}, the manifest names "
@@ -183,8 +183,8 @@ def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tu
                 f"{', '.join(outputs)}"
             )
     return tuple(
-        _checked_axes(f"{path}: key inputs[{row}]", one, have[one.name])
-        for row, one in enumerate(manifest.inputs)
+        _checked_axes(f"{path}: key inputs[{index}]", spec, have[spec.name])
+        for index, spec in enumerate(manifest.inputs)
     )
 
 

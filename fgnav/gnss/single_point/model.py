@@ -93,9 +93,9 @@ def _first_seen(observations: Observations, antenna: int, chosen: Selection) -> 
     out = np.zeros(len(column), dtype=np.bool_)
     for letter in np.unique(letters):
         members = letters == letter
-        seen = coded[:, members].any(axis=1)
-        if seen.any():
-            out |= members & coded[seen.argmax()]
+        is_tracked = coded[:, members].any(axis=1)
+        if is_tracked.any():
+            out |= members & coded[is_tracked.argmax()]
     return out
 
 
@@ -202,10 +202,10 @@ def atmosphere_m(
     """
     broadcast, leaves = flight.broadcast, flight.gnss_noise.message_errors
     coefficients = np.zeros(8) if broadcast is None else broadcast.klobuchar
-    place = geodetic(p_e_m)
+    coordinates = geodetic(p_e_m)
     elevation = angles_rad[0].clip(_LOWEST_RAD)
-    ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)
+    ionosphere = klobuchar_m(coefficients, coordinates, elevation, angles_rad[1], gps_s)
     ionosphere = ionosphere * (_L1_HZ / channels.frequency_hz) ** 2
     unmodelled_m = _TROPOSPHERE_M / (np.sin(elevation) + 0.1)
     variance = leaves * ((_IONOSPHERE_SHARE * ionosphere) ** 2 + unmodelled_m**2)
-    return ionosphere + saastamoinen_m(place, elevation), variance
+    return ionosphere + saastamoinen_m(coordinates, elevation), variance

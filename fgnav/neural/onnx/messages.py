@@ -29,7 +29,7 @@ def receive(stream: BinaryIO) -> tuple[dict[str, Any], list[NDArray[Any]]]:
         If the other side has ended.
     """
     header = json.loads(_exactly(stream, int.from_bytes(_exactly(stream, _LENGTH_BYTES), "little")))
-    return header["words"], [_array(stream, *one) for one in header["arrays"]]
+    return header["words"], [_array(stream, *header_entry) for header_entry in header["arrays"]]
 
 
 def _array(stream: BinaryIO, kind: str, shape: Sequence[int]) -> NDArray[Any]:
