@@ -8,12 +8,10 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import TypeAlias
 
-import numpy as np
-
 from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav_sim.vehicle.atmosphere import Air
-from fgnav_sim.vehicle.rigid_body import Launch, Plan, fly_body
+from fgnav_sim.vehicle.flown_table import FlownTable, StartTable
+from fgnav_sim.vehicle.rigid_body import fly_body
 from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
 from tests.benchmarks._rows import Row, row, timed
 
@@ -59,15 +57,14 @@ def _raced(*tasks: Task) -> FloatArray:
 
 def _flight(vehicle: Vehicle) -> Task:
     """Return the steps and the work of a flight."""
-    start = Launch(
-        origin=Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9144.0),
-        v_n_mps=np.array([150.0, 20.0, -100.0]), euler_rad=np.radians([0.0, 33.0, 5.0]),
-        w_ib_b_radps=np.array([10.0, 0.0, 0.0]),
-    )  # fmt: skip
-    plan = Plan(duration_s=FLIGHT_S, step_s=STEP_S, row_interval_s=0.1, gravity="j2")
+    start = StartTable(
+        v_n_mps=(150.0, 20.0, -100.0), euler_deg=(0.0, 33.0, 5.0), rate_b_degps=(573.0, 0.0, 0.0)
+    )
+    table = FlownTable(vehicle=vehicle, start=start, step_s=STEP_S, gravity="j2")
+    origin = Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9144.0)
 
     def work() -> None:
-        fly_body(vehicle, start, Air(), plan)
+        fly_body(table, origin, FLIGHT_S, row_interval_s=0.1)
 
     return FLIGHT_S / STEP_S, work
 

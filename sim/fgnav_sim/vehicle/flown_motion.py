@@ -63,8 +63,10 @@ class FlownMotion:
         )
 
 
-def flown_motion(flown: Flown, origin: Origin, vehicle: Vehicle | None = None) -> FlownMotion:
+def flown_motion(flown: Flown, origin: Origin) -> FlownMotion:
     """Return the motion of a flight in the frame ``n`` of an origin.
+
+    The body's origin is its dry centre of mass, of which the burning motor's moves away.
 
     Parameters
     ----------
@@ -73,9 +75,6 @@ def flown_motion(flown: Flown, origin: Origin, vehicle: Vehicle | None = None) -
         1e-9 of the attitude.
     origin : Origin
         Of the frame; the flight starts wherever it was launched.
-    vehicle : Vehicle or None
-        The body's origin is its dry centre of mass, of which the burning motor's moves away; None:
-        the centre of mass.
 
     Raises
     ------
@@ -102,7 +101,7 @@ def flown_motion(flown: Flown, origin: Origin, vehicle: Vehicle | None = None) -
     earth_b = turned(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
     w_nb = w - earth_b
     alpha_nb = dy[:, W : W + 3] + np.cross(w, earth_b)
-    lever, lever_rate, lever_second = _dry_centre_b_m(vehicle, t_s)
+    lever, lever_rate, lever_second = _dry_centre_b_m(flown.vehicle, t_s)
     swing = np.cross(w_nb, lever) + lever_rate
     pull_b = np.cross(alpha_nb, lever) + np.cross(w_nb, swing + lever_rate) + lever_second
     R_nb = rotations_of(q_nb)
@@ -117,12 +116,10 @@ def flown_motion(flown: Flown, origin: Origin, vehicle: Vehicle | None = None) -
     )
 
 
-def _dry_centre_b_m(
-    vehicle: Vehicle | None, t_s: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _dry_centre_b_m(vehicle: Vehicle, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return where the dry centre of mass is from the present one, and two derivatives, (n, 3)."""
     lever = np.zeros((3, len(t_s), 3))
-    if vehicle is not None and vehicle.motor is not None:
+    if vehicle.motor is not None:
         table, grid_s = vehicle.motor, vehicle.motor.time_s
         thrust, shift_m = burning_curve(table), vehicle.body.centre_m - table.loaded_centre_m
         impulse = thrust.antiderivative()

@@ -3,7 +3,10 @@
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 
+from fgnav.checks import FloatArray
+from fgnav.geometry.rotations import from_euler
 from fgnav.io.strict_toml import Positive, Table, Vector
 from fgnav_sim.motion import Command, Hold
 from fgnav_sim.vehicle.atmosphere import FLOOR_M
@@ -23,6 +26,16 @@ class StartTable(Table, frozen=True):
     rate_b_degps: Vector = (0.0, 0.0, 0.0)  # angular rate in body axes
     rate_against: Literal["earth", "inertial"] = "earth"  # what the rate is counted from
     rear_spin_degps: float = 0.0  # of a decoupled rear body about +x_b, counted as the rate is
+
+    @property
+    def R_nb(self) -> FloatArray:
+        """Attitude, (3, 3)."""
+        return np.asarray(from_euler(*np.radians(self.euler_deg)[:, None])[0])
+
+    @property
+    def velocity_n_mps(self) -> FloatArray:
+        """Velocity against the Earth, (3,)."""
+        return np.asarray(np.array(self.v_n_mps) + self.R_nb @ np.array(self.v_b_mps))
 
 
 class AttitudeTable(Table, frozen=True):

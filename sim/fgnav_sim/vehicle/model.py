@@ -1,13 +1,13 @@
 """Vehicle, air and commands as the arrays of the compiled code."""
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.geometry import earth
-from fgnav_sim.motion import Command
-from fgnav_sim.vehicle.atmosphere import Air, us_1976, vacuum
+from fgnav_sim.vehicle.atmosphere import GUST_INTERVAL_M, us_1976, vacuum
+from fgnav_sim.vehicle.flown_table import AttitudeTable, FlownTable
 from fgnav_sim.vehicle.forces import AERODYNAMICS, BODY, CANARD, COEFFICIENTS, GRAVITY, Model
 from fgnav_sim.vehicle.planet import WGS84, Planet
 from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTable, Vehicle
@@ -15,47 +15,27 @@ from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTa
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-Attitude: TypeAlias = tuple[Command, Command, Command]  # roll, pitch, yaw
-
 _COMMAND_INTERVAL_S = 0.05  # cubics between: a sine of 1 rad/s is within 2e-8 of its amplitude
-_NO_COMMAND = np.zeros((2, 6))
+NO_GUST = np.zeros((1, 3))
 
 
 def pack(
-    vehicle: Vehicle,
-    air: Air,
-    field: tuple[str, Planet],
-    commands: Attitude | None,
-    duration_s: float,
+    vehicle: Vehicle, table: FlownTable, duration_s: float, gust_mps: FloatArray = NO_GUST
 ) -> Model:
-    """Return the arrays of a flight.
-
-    ``field`` is the gravity model and the planet it belongs to.
-
-    Raises
-    ------
-    BadInputError
-        If the gravity model is unknown or another planet's.
-    """
-    gravity, planet = field
-    if gravity not in GRAVITY:
-        raise BadInputError(f"gravity model: must be one of {', '.join(GRAVITY)}, got {gravity!r}")
-    if gravity == "wgs84-normal" and planet != WGS84:
-        raise BadInputError(
-            "gravity model: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
-        )
-    command = _NO_COMMAND if commands is None else _command_table(commands, duration_s)
-    body = np.zeros(1, BODY)[0]
-    _write_body(body, vehicle, air)
-    _write_field(body, gravity, planet)
+    """Return the arrays of a flight of a vehicle."""
+    wind, body = table.wind, np.zeros(1, BODY)[0]
+    wind_mps = np.empty((len(wind.height_m), 2))
+    wind_mps[:, 0], wind_mps[:, 1] = wind.north_mps, wind.east_mps
+    _write_body(body, vehicle)
+    _write_field(body, table.gravity or "wgs84-normal", table.earth or WGS84)
     parts = {
         "mach": _coefficients(vehicle),
         "burn": _burn(vehicle.motor),
-        "wind": (air.wind_height_m, air.wind_mps),
-        "gust": (air.gust_mps,),
-        "command": (command,),
+        "wind": (np.array(wind.height_m), wind_mps),
+        "gust": (gust_mps,),
+        "command": (_command_table(table.attitude, duration_s),),
     }
-    return Model(body=body, tables=_joined(body, parts), air=us_1976() if air.present else vacuum())
+    return Model(body=body, tables=_joined(body, parts), air=us_1976() if table.air else vacuum())
 
 
 def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArray:
@@ -79,8 +59,8 @@ def _write_field(body: np.void, gravity: str, planet: Planet) -> None:
     body["oblateness_m2"] = 1.5 * earth.J2 * a**2 if gravity == "j2" else 0.0
 
 
-def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
-    """Write the scalars of vehicle and air."""
+def _write_body(body: np.void, vehicle: Vehicle) -> None:
+    """Write the scalars of the vehicle."""
     dry, motor = vehicle.body, vehicle.motor
     body["dry_kg"], body["dry_centre_m"] = dry.mass_kg, dry.centre_m
     body["dry_kgm2"] = (*dry.inertia_kgm2, *dry.products_kgm2)
@@ -101,7 +81,7 @@ def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
     if shape is not None:
         body["rate_factor"] = 1.0 if shape.rate_terms == "d/v" else 0.5
         body["reference_m"] = dry.centre_m if shape.reference_m is None else shape.reference_m
-    body["gust_interval_m"], body["command_interval_s"] = air.gust_interval_m, _COMMAND_INTERVAL_S
+    body["gust_interval_m"], body["command_interval_s"] = GUST_INTERVAL_M, _COMMAND_INTERVAL_S
     body["lag_s"] = 1.0
     if vehicle.canards is not None:
         _add_canards(body, vehicle.canards)
@@ -160,8 +140,10 @@ def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
     return np.array(motor.time_s), table
 
 
-def _command_table(commands: Attitude, duration_s: float) -> FloatArray:
-    """Return roll, pitch, yaw and their rates at equal intervals, (c, 6)."""
+def _command_table(attitude: AttitudeTable | None, duration_s: float) -> FloatArray:
+    """Return roll, pitch, yaw and their rates at equal intervals, (c, 6); zeros of no command."""
+    if attitude is None:
+        return np.zeros((2, 6))
     t_s = np.arange(int(np.ceil(duration_s / _COMMAND_INTERVAL_S)) + 2) * _COMMAND_INTERVAL_S
-    angles = [command(t_s) for command in commands]
+    angles = [command(t_s) for command in (attitude.roll, attitude.pitch, attitude.yaw)]
     return np.column_stack([angle[0] for angle in angles] + [angle[1] for angle in angles])
