@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from datetime import datetime
 from difflib import get_close_matches
@@ -97,15 +98,38 @@ def disperse(
         scale = nominal if spread.sigma is None else 1.0
         value = nominal + scale * spread.figure * unit
         draws.append(Draw(key=key, nominal=_plain(nominal), value=_plain(value)))
-    for draw in draws:
-        _set(content, draw)
+    values = {draw.key: draw.value for draw in draws}
+    return with_values(
+        tables, values, "dispersions: a draw breaks a rule, take smaller spreads"
+    ), tuple(draws)
+
+
+def with_values(tables: _Tables, values: Mapping[str, Any], what: str) -> _Tables:
+    """Return tables with other values under some dotted keys.
+
+    Raises
+    ------
+    BadInputError
+        If a table on the way is not there, a key is unknown, or a value breaks its rule: what it is
+        of, and the key.
+    """
+    content = _content(tables)
+    for key, value in values.items():
+        *path, name = key.split(".")
+        place: Any = content
+        for table in path:
+            place = place.get(table) if isinstance(place, dict) else None
+        if not isinstance(place, dict):
+            raise BadInputError(f"{what}.{key}: the scenario has no table {'.'.join(path)}")
+        if name not in place:
+            near = get_close_matches(name, place, n=1, cutoff=0.0)
+            meant = f"; the nearest known key is {'.'.join([*path, *near])}" if near else ""
+            raise BadInputError(f"{what}.{key}: unknown{meant}")
+        place[name] = deepcopy(value)  # later keys may change a part of it
     try:
-        drawn = msgspec.convert(content, type(tables))
+        return msgspec.convert(content, type(tables))
     except msgspec.ValidationError as error:
-        raise BadInputError(
-            f"dispersions: a draw breaks a rule, {error}; take smaller spreads"
-        ) from None
-    return drawn, tuple(draws)
+        raise BadInputError(f"{what}: {error}") from None
 
 
 def _content(tables: msgspec.Struct) -> dict[str, Any]:
@@ -167,11 +191,3 @@ def _are_numbers(values: Sequence[object]) -> bool:
 def _plain(values: FloatArray) -> Numbers:
     """Return an array as a number, or as a tuple of them."""
     return tuple(values.tolist()) if values.ndim else float(values)
-
-
-def _set(content: dict[str, Any], draw: Draw) -> None:
-    """Write a value that was drawn where its key is."""
-    *tables, name = draw.key.split(".")
-    for table in tables:
-        content = content[table]
-    content[name] = draw.value

@@ -6,6 +6,7 @@ They are peers of the bench only: ``pip install rocketpy jsbsim``.
 import warnings
 from collections.abc import Callable
 from importlib.util import find_spec
+from math import isfinite
 from typing import TypeAlias
 
 from fgnav.checks import FloatArray
@@ -120,7 +121,7 @@ def _jsbsim() -> Task:
             ball.run()
 
     work()
-    if not np.isfinite(ball["position/h-sl-ft"]):
+    if not isfinite(ball["position/h-sl-ft"]):
         message = "JSBSim's ball has no height"
         raise RuntimeError(message)
     return JSBSIM_STEPS, work
