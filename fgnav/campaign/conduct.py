@@ -9,9 +9,8 @@ from pathlib import Path
 from fgnav.campaign.engines import DIED, Engine
 from fgnav.campaign.fly import Record, check_order, failed, fly
 from fgnav.campaign.folder import Folder
-from fgnav.campaign.order import Order
+from fgnav.campaign.order import Order, Run
 from fgnav.campaign.report import write_report
-from fgnav.campaign.runs import Run
 from fgnav.campaign.tables import write_tables
 from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.report.parts import Report
@@ -61,8 +60,7 @@ def conduct(
     check_order(order)
     folder = Folder(out, order, resume=resume)
     todo = folder.missing()
-    asked = len(order_runs(order))
-    flown, unwritten = 0, Counter[str]()
+    asked, flown, unwritten = order.count, 0, Counter[str]()
     watch(asked - len(todo), asked)
     for run, record in engine(partial(_fly, order), todo, partial(_lost, order)):
         flown += 1
@@ -83,11 +81,6 @@ def conduct(
         report=report,
         files=files,
     )
-
-
-def order_runs(order: Order) -> range:
-    """Return the numbers of all runs."""
-    return range(order.flights * sum(case.columns for case in order.case))
 
 
 def _fly(order: Order, run: Run) -> tuple[Run, Record]:

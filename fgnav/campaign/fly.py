@@ -3,18 +3,51 @@
 import math
 from collections.abc import Mapping
 from functools import lru_cache
-from typing import Any
+from importlib.metadata import entry_points
+from typing import Any, Protocol
 
 import numpy as np
 
-from fgnav.campaign.order import MethodTable, Order
-from fgnav.campaign.runs import Run, seed_of, start_shift_s
-from fgnav.campaign.sources import flight_source
+from fgnav.campaign.order import MethodTable, Order, Run, seed_of, start_shift_s
 from fgnav.checks import BadInputError, FgnavError
 from fgnav.types.estimate import Estimator
+from fgnav.types.flight import Flight
 
+GROUP = "fgnav.flight_sources"  # of entry points: the library knows no simulator
 Record = dict[str, Any]
 _TEXT = 200  # characters of a failure that are kept
+
+
+class FlightSource(Protocol):
+    """What makes flights whose truth is known."""
+
+    def check(self, scenario: str, changes: Mapping[str, Any]) -> None:
+        """Raise ``BadInputError`` unless a scenario, so changed, can be flown."""
+        ...
+
+    def fly(
+        self,
+        scenario: str,
+        changes: Mapping[str, Any],
+        start_shift_s: int,
+        rng: np.random.Generator,
+    ) -> Flight:
+        """Return a flight of it."""
+        ...
+
+
+def flight_source() -> FlightSource:
+    """Return the installed one.
+
+    Raises
+    ------
+    BadInputError
+        If there is none.
+    """
+    for entry in entry_points(group=GROUP):
+        source: FlightSource = entry.load()()
+        return source
+    raise BadInputError(f"no simulator is installed: nothing stands in entry-point group {GROUP}")
 
 
 def estimator_of(table: MethodTable) -> Estimator:

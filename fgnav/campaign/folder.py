@@ -6,8 +6,7 @@ from typing import Any
 
 import msgspec
 
-from fgnav.campaign.order import Order
-from fgnav.campaign.runs import Run, runs_of
+from fgnav.campaign.order import Order, Run, runs_of
 from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 

@@ -99,9 +99,8 @@ def _summaries(order: Order, table: Table) -> Blocks:
 
 
 def _head(order: Order, count: int) -> str:
-    ordered = order.flights * sum(case.columns for case in order.case)
     return (
-        f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}. Figures "
+        f"Campaign {order.name}: {count} of {order.count} flights, root seed {order.seed}. Figures "
         "over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
         f"{order.reference!r} on the epochs that all methods answer; * where interval and "
         "signed-rank test exclude 1. Values of a sweep share their random numbers: the flight, "

@@ -7,7 +7,7 @@ agree to 2.4 times the nominal noise; of a wrong shape hardly any does.
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from fgnav.integers.array.search import search_constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.observations import Observations
+from fgnav.types.observations import BY_EPOCH, Observations
 
 _FITS = 6.0  # squared residuals per degree of freedom: phase noise up to 2.4 times the nominal
 _NODES = 20_000  # of a search; of a wrong shape it finds nothing
@@ -60,17 +60,11 @@ class Exchange(NamedTuple):
             return flight
         order = np.arange(len(flight.antennas))
         order[list(self.pair)] = self.pair[::-1]
-        is_in, changed = (seen.t_s >= self.from_s) & (seen.t_s <= self.until_s), {}
-        for name, x in _by_antenna(seen, order).items():
-            where = is_in.reshape(-1, *[1] * (x.ndim - 1))
-            changed[name] = np.where(where, x, getattr(seen, name))
+        is_in = (seen.t_s >= self.from_s) & (seen.t_s <= self.until_s)
+        changed = {name: getattr(seen, name).copy() for name in BY_EPOCH[1:]}
+        for values in changed.values():
+            values[is_in] = values[is_in][:, order]
         return replace(flight, observations=replace(seen, **changed))
-
-
-def _by_antenna(seen: Observations, order: IntArray) -> dict[str, Any]:
-    """Return fields of observations with antennas in another order, or some of them."""
-    names = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    return {name: getattr(seen, name)[:, order] for name in names}
 
 
 def exchanged_antennas(
@@ -171,8 +165,7 @@ def _without(
     """Return the differences of the other antennas at some epochs."""
     order = np.delete(np.arange(len(flight.antennas)), antenna)
     antennas = tuple(flight.antennas[k] for k in order)
-    part = seen[np.isin(seen.t_s, t_s)]
-    part = replace(part, **_by_antenna(part, order))
+    part = seen[np.isin(seen.t_s, t_s)].of_antennas(order)
     return double_differences(replace(flight, antennas=antennas, observations=part))
 
 

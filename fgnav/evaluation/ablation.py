@@ -140,15 +140,13 @@ def _no_baselines(flight: Flight) -> Flight | None:
     observed = flight.observations
     if observed is None or len(flight.antennas) < 2:
         return replace(flight, baselines=()) if flight.baselines else None
-    of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
     truth, antenna = flight.truth, flight.antennas[0]
     return replace(
         flight,
         fixes=tuple(one for one in flight.fixes if one.antenna == antenna.name),
         baselines=(),
         antennas=(antenna,),
-        observations=replace(observed, **first),
+        observations=observed.of_antennas(slice(1)),
         truth=None if truth is None else replace(truth, integers=None),
     )
 

@@ -16,7 +16,7 @@ from fgnav_sim.simulate import simulate
 
 
 class Simulator:
-    """Makes flights of scenarios; see ``fgnav.campaign.sources``."""
+    """Makes flights of scenarios; see ``fgnav.campaign.fly``."""
 
     def check(self, scenario: str, changes: Mapping[str, Any]) -> None:
         """Raise ``BadInputError`` unless a scenario, so changed, is one."""

@@ -16,7 +16,6 @@ from fgnav.messages import Note
 from fgnav.types.flight import Flight
 
 _SATELLITES = 4  # of a position
-_PER_ANTENNA = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 _AGAINST = "not tracked by the reference antenna"
 
 
@@ -95,8 +94,7 @@ def _by(flight: Flight, reference: int, rows: IntArray) -> Flight:
         return flight
     others = [k for k in range(len(flight.antennas)) if k != reference]
     order = [reference, *others]
-    changed = {name: getattr(observations, name)[rows][:, order] for name in _PER_ANTENNA}
-    part = replace(observations, t_s=observations.t_s[rows], unused=(), **changed)
+    part = replace(observations[rows].of_antennas(np.array(order)), unused=())
     return replace(
         flight, antennas=tuple(flight.antennas[k] for k in order), observations=part, unused=()
     )
