@@ -1,4 +1,4 @@
-"""What ``import fgnav`` offers beside its types: methods by name, comparisons, a picture."""
+"""Functions of ``import fgnav`` beside its types: methods by name, comparisons, a plot."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext

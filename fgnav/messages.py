@@ -75,12 +75,12 @@ class Note(str):
         return message
 
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]  # of str: its text alone
-        """Return what makes a copy."""
+        """Return the arguments that make a copy."""
         return self.code, str(self)
 
     @property
     def rank(self) -> int:
-        """Where its severity stands among all, the worst first."""
+        """Rank of its severity among all, the worst first."""
         return SEVERITIES.index(self.code[0])
 
 

@@ -96,7 +96,7 @@ def line_of_sight(
 
 
 def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
-    """Return which samples have a current that was cut at a limit nobody states, (k,).
+    """Return the mask of samples with a current that was cut at a limit nobody states, (k,).
 
     Where the largest of all currents comes time and again while others change, it is the limit.
     """
@@ -108,7 +108,7 @@ def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
 
 
 def _cut_so_far(currents: FloatArray) -> BoolArray:
-    """Return the same, (k,), with the largest of the currents up to each sample."""
+    """Return the mask of cut samples, (k,), by the largest of the currents up to each sample."""
     largest = currents.max(axis=1, initial=0.0)
     limit = np.maximum.accumulate(largest)
     out = np.zeros(len(currents), dtype=np.bool_)

@@ -72,14 +72,14 @@ def descriptions(group: str, own: Mapping[str, str]) -> dict[str, str]:
 
 
 def _loaded(target: str) -> Any:  # noqa: ANN401  # any part
-    """Return what ``module:attribute``, or ``module``, names."""
+    """Import the object that ``module:attribute``, or ``module``, names."""
     module, _, attribute = target.partition(":")
     loaded = import_module(module)
     return getattr(loaded, attribute) if attribute else loaded
 
 
 def _from_module(name: str, kind: str) -> Any:  # noqa: ANN401  # any part
-    """Return what ``module:attribute`` names, the working folder searched, too."""
+    """Import the object that ``module:attribute`` names, the working folder searched, too."""
     here = str(Path.cwd())
     sys.path.insert(0, here)
     try:

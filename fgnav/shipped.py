@@ -41,7 +41,7 @@ def file_or_shipped(given: Path | str, package: str, kind: str) -> Path:
 
 
 def summary(file: Path) -> str:
-    """Return what a file says of itself: its leading comment, or the text under its heading."""
+    """Return a file's description: its leading comment, or the text under its heading."""
     lines = file.read_text(encoding="utf-8").splitlines()
     if file.suffix == ".md":
         return " ".join(takewhile(bool, lines[2:]))

@@ -1,4 +1,4 @@
-"""What commands show on a terminal; with ``cli`` the only one that prints."""
+"""Output of commands on a terminal; with ``cli`` the only module that prints."""
 
 import logging
 import os

@@ -29,7 +29,7 @@ VAGUE = (
     r"Return (what|which|how|whether|it|them|the same|some|as)\b"
     r"|(What|Who|Where|How|When|Whether)\b"
 )
-VAGUE_COUNT = 347
+VAGUE_COUNT = 188
 
 
 @cache

@@ -50,7 +50,7 @@ class AttitudeSolution:
     def consistent(
         self, false_alarm: float = 1e-4, variance_factor: float | FloatArray = 1.0
     ) -> BoolArray:
-        """Return which epochs pass the chi-square test of their residuals, (n,).
+        """Mask of the epochs that pass the chi-square test of their residuals, (n,).
 
         With a factor, or one for each epoch, (n,), as if variances were so many times the stated.
 
@@ -75,7 +75,7 @@ class AttitudeSolution:
         return factor if self.degrees_of_freedom[rows].sum() >= _TELLING else max(factor, 1.0)
 
     def variance_factor_so_far(self) -> FloatArray:
-        """Return the same for each epoch by epochs up to it alone, (n,).
+        """Return the variance factor of each epoch by the epochs up to it alone, (n,).
 
         1 until their residuals have some 250 degrees of freedom together, of which the median knows
         the factor to a ninth; renewed whenever the number of epochs has doubled since.

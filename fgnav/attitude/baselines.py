@@ -125,7 +125,7 @@ def weighted_baselines(differences: DoubleDifferences, integers: Integers) -> Fi
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BodyMotion:
-    """Where the body's origin was at epochs of known attitude, by the reference antenna's code."""
+    """Positions of the body's origin at epochs of known attitude, by the reference's code."""
 
     p_n_m: FloatArray | None = None  # (n, 3)
     position_covariance_m2: FloatArray | None = None  # (n, 3, 3)

@@ -21,7 +21,7 @@ _SEEN_TOGETHER = 2.5  # sample intervals over which the line of sight is interpo
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Track:
-    """Where one antenna at ``arm_b_m`` was and how it moved, (k, 3); velocity NaN where unknown.
+    """Position and velocity of an antenna at ``arm_b_m``, (k, 3); velocity NaN where unknown.
 
     Covariances are (k, 3, 3).
     """

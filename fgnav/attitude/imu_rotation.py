@@ -1,4 +1,4 @@
-"""How a body turns, told by what it carries: its gyroscope or, of a spin, its accelerometer alone.
+"""Rotation of a body by its gyroscope or, of a spin, by its accelerometer alone.
 
 Specific force keeps its direction in ``n`` for longer than a spin takes. So it turns through the
 body's axes against the body's own rate, and that tells the rate, all three components of it, as

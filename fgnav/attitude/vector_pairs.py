@@ -42,7 +42,7 @@ class VectorPairs:
 
     @property
     def valid(self) -> BoolArray:
-        """Whether an epoch has a pair with a length in both frames, (n, k)."""
+        """Mask of the pairs that have a length in both frames, (n, k)."""
         lengths = np.minimum(_length(self.v_n), _length(self.v_b))[..., 0]  # NaN if either is
         return np.asarray((lengths > 0) & (self.weight > 0))
 
@@ -163,7 +163,7 @@ def attitude_profile(pairs: VectorPairs) -> FloatArray:
 
 
 def collinear(v_b: FloatArray) -> bool:
-    """Return whether vectors, (k, 3), lie on one line, so that no epoch of them is determined."""
+    """Return True if vectors, (k, 3), lie on one line, so that no epoch of them is determined."""
     squares = np.linalg.eigvalsh(v_b.T @ v_b)
     return bool(squares[1] <= _COLLINEAR * squares[2])
 

@@ -21,7 +21,7 @@ _AT_ONCE = 200  # epochs: 10 MB
 
 
 class ClockFree(NamedTuple):
-    """What is left of values y of links: P is their weight less what clocks explain."""
+    """Values y of links with the clocks eliminated: P is their weight less what clocks explain."""
 
     weighted: FloatArray  # (n, a, m, v): P y
     normal: FloatArray  # (n, v, v): y' P y

@@ -51,7 +51,7 @@ def band(satellite: str, signal: str) -> str:
 
 
 def known(satellite: str, signal: str) -> bool:
-    """Whether the signal's carrier frequency is known."""
+    """Return True if the signal's carrier frequency is known."""
     return band(satellite, signal) in _FREQUENCY_HZ.get(satellite[:1], {})
 
 
@@ -183,7 +183,7 @@ def _chosen(
 def _chosen_first(
     coded: BoolArray, phased: BoolArray, by_signal: dict[str, dict[str, int]], preferred: str | None
 ) -> Sequence[str | None]:
-    """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
+    """Return the choice by the signals that each antenna, (n, a, c), has first."""
     by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
     columns = [column for of in by_name.values() for column in of.values()]
     tracks = coded[:, :, columns].any(axis=2)

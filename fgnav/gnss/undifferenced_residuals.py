@@ -20,7 +20,7 @@ _LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
 
 
 class Residuals(NamedTuple):
-    """What one receiver's observations leave, (n, m); NaN where there is nothing."""
+    """Residuals of one receiver's observations, (n, m); NaN where there are none."""
 
     code_m: FloatArray
     phase_m: FloatArray
@@ -32,7 +32,7 @@ class Residuals(NamedTuple):
 def residuals_of_base(
     flight: Flight, t_s: FloatArray, names: list[tuple[str, str]]
 ) -> tuple[Residuals, IntArray]:
-    """Return what the base's observations leave at epochs, (n,), and its flags."""
+    """Return the residuals of the base's observations at epochs, (n,), and its flags."""
     base = flight.base
     if base is None:
         raise NoSolutionError(f"flight {flight.name}: has no base station")
@@ -71,7 +71,7 @@ def residuals(
     rows: IntArray,
     p_e_m: FloatArray,
 ) -> Residuals:
-    """Return what observations of a receiver's first antenna leave at rows, (n,), and places there.
+    """Return the residuals of a receiver's first antenna at rows, (n,), and its positions.
 
     Parameters
     ----------

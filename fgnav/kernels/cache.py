@@ -1,4 +1,4 @@
-"""Where numba keeps compiled kernels: a folder of this process' own where it can write no other.
+"""Cache of compiled kernels: a folder of this process' own where numba can write no other.
 
 Without one, numba refuses to compile at all. It writes beside the sources, else in the user's cache
 folder; ``NUMBA_CACHE_DIR`` overrides both.

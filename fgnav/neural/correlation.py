@@ -1,4 +1,4 @@
-"""How outputs are counted whose errors are alike: of overlapping windows, or slow ones.
+"""Correlation of outputs' errors: of overlapping windows, or slow ones.
 
 Of the errors' variance a share s lasts as long as a flight: a constant of the graph, in 1-sigmas,
 that all outputs have in common. The rest is taken as a first-order Gauss-Markov process, correlated

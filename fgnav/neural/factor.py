@@ -28,7 +28,7 @@ _USED_TWICE = ("magnetometer", "barometer", "position", "velocity")
 
 
 class Queries(NamedTuple):
-    """What a network is asked about some keyframes."""
+    """Inputs of a network at some keyframes."""
 
     rows: IntArray  # (k, 2): keyframes where the answer begins, -1 but of displacements, and ends
     inputs: tuple[FloatArray, ...]  # (k, window, channels) each, in the manifest's units
@@ -86,13 +86,13 @@ class NeuralFactor:
             self._check(name, record)
 
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
-        """Return how to make another in a process of its own."""
+        """Return the constructor and arguments of a copy in another process."""
         again = partial(NeuralFactor, records=self._given, interval_s=self._interval_s)
         return again, (self._network if self._loaded else self._path,)
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         return self._network.manifest.name
 
     @property
@@ -102,7 +102,7 @@ class NeuralFactor:
 
     @property
     def manifest(self) -> Path:
-        """Where the network is stated."""
+        """Path of the network's manifest."""
         return self._path
 
     @property
@@ -113,7 +113,7 @@ class NeuralFactor:
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
-        """What of its errors lasts as long as a flight, in 1-sigmas; none of most."""
+        """Errors that last as long as a flight, in 1-sigmas; none of most networks."""
         output = self._network.manifest.output
         if not output.lasting:
             return ()
@@ -213,7 +213,7 @@ class NeuralFactor:
             check_rate(where, record, spec.rate_hz)
 
     def _notes(self, flight: Flight) -> tuple[str, ...]:
-        """Return which of the flight's measurements both the network and the graph use."""
+        """Return notes on measurements that both the network and the graph use."""
         twice = [
             spec.sensor
             for spec in self._network.manifest.inputs
@@ -262,7 +262,7 @@ class NeuralFactor:
         return Sourced(factors=tuple(factors), unused=self._unused(lost), notes=notes)
 
     def queries(self, flight: Flight, timeline: Timeline) -> list[Queries]:
-        """Return what the network is asked about a flight's keyframes; errors as of a call."""
+        """Return the network's inputs at a flight's keyframes; errors as of a call."""
         self._last_s = -np.inf
         have = {**of_flight(flight), **self._given}
         return list(self._queries(have, timeline, {}, flight.name))
@@ -305,7 +305,7 @@ class NeuralFactor:
     def _chosen(
         self, windows: Windows, t_s: FloatArray, rows: IntArray, lost: dict[str, int]
     ) -> tuple[IntArray, IntArray]:
-        """Return which windows are asked about, and where displacements begin, (k,), or -1."""
+        """Select the windows that are answered, and where displacements begin, (k,), or -1."""
         output = self._network.manifest.output
         usable, begin = np.flatnonzero(windows.usable), np.full(len(rows), -1)
         if output.over_s is not None:

@@ -1,4 +1,4 @@
-"""What a network says of an array's integers: each with a probability, or candidates' posterior."""
+"""Integers of an array by a network: each with a probability, or candidates' posterior."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class IntegerAnswers:
 
 
 def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAnswers:
-    """Return what a network says of inputs, (k, window, channels) each, of one row or more.
+    """Run a network on inputs, (k, window, channels) each, of one row or more.
 
     Raises
     ------

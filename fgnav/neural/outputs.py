@@ -1,4 +1,4 @@
-"""What outputs say of the states: residuals and Jacobians of each quantity that a network measures.
+"""Residuals and Jacobians of each quantity that a network measures.
 
 Residuals are estimate less output, in the output's tangent; Jacobians are by the tangents of
 ``fgnav.graph.keys``: rotation, then position, both in body axes; velocities in ``n``.
@@ -23,7 +23,7 @@ _SLOWEST_MPS = 1e-6  # below, a speed has no direction: its Jacobian is that of 
 
 
 class Counted(NamedTuple):
-    """How errors of one output are counted beside those of others (``correlation``)."""
+    """Weight of one output's errors beside those of others (``correlation``)."""
 
     inflation: float = 1.0  # of the covariance of what does not last
     lasting: float = 0.0  # share of the variance that lasts

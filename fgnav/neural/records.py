@@ -1,4 +1,4 @@
-"""What a network's sensors have recorded: of a flight, of a stream so far, or given beside it."""
+"""Samples of a network's sensors: of a flight, of a stream so far, or given beside it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -51,7 +51,7 @@ class Record:
 
 
 def of_flight(flight: Flight) -> dict[str, Record]:
-    """Return what a flight has recorded of each sensor that a network may see.
+    """Return a flight's samples of each sensor that a network may see.
 
     Velocities are those of the fixes, or else of the reference antenna by Doppler.
     """
@@ -88,7 +88,7 @@ def _by_doppler(flight: Flight) -> dict[str, Record]:
 
 
 def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.stream.Measurements
-    """Return what came in with a stream's keyframe, of each sensor that a network may see."""
+    """Return the samples that came with a stream's keyframe, of each such sensor."""
     imu, t_s = now.imu, np.array([now.t_s])
     records = {"accelerometer": _record("accelerometer", imu.t_s, imu.f_b_mps2)}
     if imu.w_b_radps is not None:

@@ -15,7 +15,7 @@ _SAME_S = 1e-6  # times of files are written to the microsecond
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Windows:
-    """What a network is to see at k times."""
+    """Inputs of a network at k times."""
 
     # (k, window, channels) each; in the manifest's units, not yet normalised; of rows that are not
     # usable anything
@@ -59,7 +59,7 @@ def windows(inputs: Sequence[Input], records: Sequence[Record], t_s: FloatArray)
 
 
 def _covered(spec: Input, record: Record, t_s: FloatArray, rows: np.ndarray) -> BoolArray:
-    """Return whether windows lack no sample, and end at their times, (k,)."""
+    """Return True where windows lack no sample and end at their times, (k,)."""
     if not len(record.t_s):
         return np.zeros(len(t_s), dtype=np.bool_)
     step_s = 1 / spec.rate_hz

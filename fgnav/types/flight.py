@@ -58,7 +58,7 @@ class Base:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialAttitude:
-    """What is known of the attitude at the first epoch before any measurement.
+    """Prior of the attitude at the first epoch.
 
     Each angle with its standard deviation, rad, or neither.
     """
@@ -157,7 +157,7 @@ TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Truth(Samples):
-    """What really happened, of a simulated flight; or a reference taken as such.
+    """True states of a simulated flight; or a reference taken as such.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ class Truth(Samples):
 
     @property
     def is_reference(self) -> bool:
-        """Whether it is an estimate itself, so that errors against it are not all the judged's."""
+        """True if it is an estimate itself, so that errors against it are not all the judged's."""
         return self.source == "filter"
 
 
@@ -308,7 +308,7 @@ class Flight:
         return summary(self)
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the summary as HTML, for a notebook."""
         return summary_html(self)
 
     @classmethod
@@ -411,7 +411,7 @@ class Flight:
 
     @property
     def records(self) -> dict[str, Samples]:
-        """What was sampled, by name: ``"imu"``, ``"fixes a1"``, ``"baseline a1 a2"``."""
+        """Sampled records by name: ``"imu"``, ``"fixes a1"``, ``"baseline a1 a2"``."""
         records: dict[str, Samples | None] = {"imu": self.imu}
         records |= {f"fixes {fix.antenna}": fix for fix in self.fixes}
         records |= {
@@ -421,7 +421,7 @@ class Flight:
         return {name: record for name, record in records.items() if record is not None}
 
     def with_records(self, records: Mapping[str, Samples]) -> "Flight":
-        """Return the same with records of these names, and no others."""
+        """Return a copy with records of these names, and no others."""
         single = {name: records.get(name) for name in _SINGLE}
         fixes = tuple(record for record in records.values() if isinstance(record, Fixes))
         baselines = tuple(record for record in records.values() if isinstance(record, Baseline))

@@ -67,7 +67,7 @@ class Integers:
 
     @property
     def outcome(self) -> tuple[str, ...]:
-        """What became of each epoch, length n: fixed, refused (validation), or float (no answer).
+        """Outcome of each epoch, length n: fixed, refused (validation), or float (no answer).
 
         Only a resolver that states probabilities tells refused from float.
         """

@@ -1,4 +1,4 @@
-"""What receivers solve themselves: fixes of antennas, and baselines from antenna to antenna."""
+"""Solutions of receivers: fixes of antennas, and baselines from antenna to antenna."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypeAlias

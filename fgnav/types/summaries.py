@@ -1,4 +1,4 @@
-"""What a flight, an estimate or a comparison shows of itself: five lines, in a notebook a table."""
+"""Summaries of a flight, an estimate or a comparison: five lines, in a notebook a table."""
 
 from collections.abc import Callable
 from html import escape
@@ -18,7 +18,7 @@ def summary(part: Any) -> str:  # noqa: ANN401  # one of the three
 
 
 def summary_html(part: Any) -> str:  # noqa: ANN401  # one of the three
-    """Return the same as a table."""
+    """Return the summary as an HTML table."""
     head, lines = _FACTS[type(part).__name__](part)
     rows = (
         f"<tr><th style='text-align:left'>{escape(name)}</th>"

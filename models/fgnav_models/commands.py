@@ -100,7 +100,7 @@ def train(
 
 
 def _trainer(recipe: Path, kind: object, device: str) -> "Callable[..., list[str]]":
-    """Return what runs recipes of a kind, once torch and the device are known to be there."""
+    """Return the trainer of a kind of recipe, once torch and the device are known to be there."""
     from importlib import import_module  # noqa: PLC0415
     from importlib.util import find_spec  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""What the ambiguity networks see, from an array's double differences (numpy only).
+"""Inputs of the ambiguity networks, from an array's double differences (numpy only).
 
 Satellites stand by falling elevation. Differences are against the first antenna and the first
 satellite, baseline by baseline: ``(b1, j1), (b1, j2), …, (b2, j1), …``, 35 for the paper's eight

@@ -85,7 +85,7 @@ def _snoop(steps: _Steps, count: int, verdict: IntArray) -> None:
 
 @kernel
 def _residual(steps: _Steps, x: FloatArray, k: int) -> float:
-    """Return what the fit leaves of a step."""
+    """Return the residual of a step after the fit."""
     left: float = steps.y_m[k]
     for p in range(_UNKNOWNS):
         left -= steps.A[k, p] * x[p]

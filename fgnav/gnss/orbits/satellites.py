@@ -1,4 +1,4 @@
-"""Where the satellites are, how their clocks stand and in what direction they are seen."""
+"""Positions, clocks and directions of the satellites."""
 
 from dataclasses import dataclass
 

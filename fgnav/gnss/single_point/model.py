@@ -1,4 +1,4 @@
-"""What pseudoranges and Dopplers of one antenna say about it, once the satellites are known."""
+"""Model of one antenna's pseudoranges and Dopplers, given the satellites."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class CodeChannels:
 
     @property
     def has_carrier(self) -> BoolArray:
-        """Whether the carrier is known as exactly as phase and Doppler need it, (m,)."""
+        """Mask of channels whose carrier is known as exactly as phase and Doppler need it, (m,)."""
         named = zip(self.satellites, self.signals, strict=True)
         return np.array([known(*channel) for channel in named], dtype=np.bool_)
 
@@ -111,7 +111,7 @@ class CodeRanges:
     message_variance_m2: FloatArray  # (n, m)
 
     def rows(self, at: BoolArray | IntArray) -> "CodeRanges":
-        """Return some of the epochs."""
+        """Return the model of selected epochs."""
         names = ("p_e_m", "v_e_mps", "clock_s", "clock_drift_sps", "unhealthy")
         return CodeRanges(
             self.gps_s[at],

@@ -35,7 +35,7 @@ class PartialVelocity:
 def partial_velocities(
     flight: Flight, solved_s: FloatArray, *, causal: bool = False
 ) -> PartialVelocity:
-    """Return what Dopplers say of the first antenna's velocity at epochs without a position.
+    """Estimate the first antenna's velocity by Dopplers at epochs without a position.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class CodeSolution:
-    """Where one antenna was, by its code observations alone, at the epochs that have an answer."""
+    """Positions of one antenna by its code alone, at the epochs that have a solution."""
 
     # Nominal epochs. Positions are moved there from the true time of reception where a velocity is
     # known.

@@ -1,4 +1,4 @@
-"""What two processes say to each other through a pipe: words as JSON, then arrays byte by byte."""
+"""Messages between two processes through a pipe: words as JSON, then arrays byte by byte."""
 
 import json
 from collections.abc import Mapping, Sequence

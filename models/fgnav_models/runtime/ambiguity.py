@@ -170,7 +170,7 @@ def _check_array(network: str, baselines_b_m: FloatArray, flight: Flight) -> Non
 
 
 def _of_signal(differences: DoubleDifferences) -> BoolArray:
-    """Return which channels are of the network's signal, (m,)."""
+    """Return the mask of channels of the network's signal, (m,)."""
     channels = zip(differences.satellites, differences.signals, strict=True)
     return np.array([(satellite[0], signal) == ("G", "1C") for satellite, signal in channels])
 

@@ -54,7 +54,7 @@ def network_arcs() -> Arcs:
 
 
 class Trust(NamedTuple):
-    """What the network makes of some epochs."""
+    """Integers and probabilities of some epochs by the network."""
 
     cycles: IntArray  # (n, b, m): of the likeliest candidate
     wrong_probability: FloatArray  # (n,): of any integer that no worse link takes part in
@@ -89,7 +89,7 @@ class Network:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether noise, or what is accepted outside the domain, is of the whole flight."""
+        """Return True if the noise, or the fallback's acceptance, is of the whole flight."""
         return not self.causal
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
@@ -149,7 +149,7 @@ class Network:
     def _beyond(
         self, differences: DoubleDifferences, flight: Flight, outside: tuple[str, ...]
     ) -> Integers:
-        """Return what the fallback makes of epochs outside the domain, and say so."""
+        """Resolve epochs outside the domain by the fallback, and report it."""
         fallback = replace(self.fallback, estimate_noise=False, causal=self.causal)
         integers = fallback(differences, flight)
         unused = [
@@ -164,7 +164,7 @@ class Network:
 
 
 def handed_over(integers: Integers) -> Mapping[str, int]:
-    """Return how many epochs were outside the network's domain, by reason."""
+    """Count the epochs outside the network's domain, by reason."""
     return {loss.reason: loss.count for loss in integers.unused if loss.what == HANDED_OVER}
 
 

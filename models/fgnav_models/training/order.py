@@ -1,4 +1,4 @@
-"""What ``fgnav train`` asks of whoever trains: where to, how large, on what, until when."""
+"""Order of ``fgnav train`` to a trainer: folder, scale, device and time limit."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -79,7 +79,7 @@ class Order:
 
 
 class Trainer(Protocol):
-    """What a kind of recipe is run by."""
+    """Trainer of a kind of recipe."""
 
     def __call__(self, order: Order) -> list[str]:
         """Train until done; return the lines to print at the end.

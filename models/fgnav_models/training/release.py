@@ -144,7 +144,7 @@ def made_with(
     metrics: Mapping[str, float],
     order: Order | None = None,
 ) -> Origin:
-    """Return what a network is made of, with this machine's versions, and the command's order."""
+    """Return the provenance of a network: versions of this machine, and the command's order."""
     on_gpu = order is not None and order.device == "cuda"
     versions = {
         "python": platform.python_version(),

@@ -31,7 +31,7 @@ _SPREAD = 1_000_003  # prime; keeps the seeds of neighbouring runs' steps apart
 
 
 class Batches(Protocol):
-    """What a step learns from: the batch of any step, on the training device."""
+    """Batches: the batch of any step, on the training device."""
 
     def __call__(self, step: int) -> Batch:
         """Return the batch of a step; the same step gives the same batch."""
@@ -39,7 +39,7 @@ class Batches(Protocol):
 
 
 class Settings(Table, frozen=True):
-    """How to train."""
+    """Settings of a training."""
 
     steps: Annotated[int, msgspec.Meta(ge=1)]
     learning_rate: Positive = 1e-3  # at the start; ``cosine`` takes it to zero at the last step
@@ -56,7 +56,7 @@ class Settings(Table, frozen=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where a run stands."""
+    """State of a run."""
 
     step: int
     steps: int
@@ -339,7 +339,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, torch.Tensor]
 
 
 def _settings_text(settings: Settings) -> str:
-    """Return what must not change between slices; how often to write a checkpoint may."""
+    """Return the settings that must not change between slices; the interval of checkpoints may."""
     return msgspec.json.encode(msgspec.structs.replace(settings, checkpoint_s=0.0)).decode()
 
 

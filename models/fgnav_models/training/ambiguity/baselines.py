@@ -1,4 +1,4 @@
-"""What a network's figures are held against, and the figures themselves."""
+"""Figures of integers, and the baselines that networks are compared with."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,7 +11,7 @@ from fgnav_models.training.ambiguity.data import Samples
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Figures:
-    """How good integers are, for each double difference, (d,)."""
+    """Accuracy of integers, for each double difference, (d,)."""
 
     # share of right ones. NaN where nothing was to be judged, as below.
     accuracy_percent: FloatArray

@@ -26,7 +26,7 @@ _CHUNK = 57_600  # epochs drawn at a time: links, which are dropped, need 20 tim
 
 
 class Data(Table, frozen=True):
-    """How much of a world is drawn, what is seen of it, and what is kept for the test."""
+    """Size of the drawn data, inputs, and shares of training, validation and test."""
 
     epochs: Annotated[int, msgspec.Meta(ge=1)]
     inputs: tuple[Input, ...] = ("range", "constellation")  # as ``ambiguity_inputs`` names them
@@ -163,7 +163,7 @@ class Parts:
 
 
 def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Generator) -> Parts:
-    """Return which rows are for what; what belongs nowhere is counted as a loss.
+    """Split the rows; those that belong nowhere are counted as unused.
 
     Raises
     ------

@@ -62,7 +62,7 @@ class Experiment(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Result:
-    """What came of an experiment."""
+    """Result of an experiment."""
 
     columns: list[int]  # double difference of each target
     history: list[dict[str, float]]  # validation on the way
@@ -75,7 +75,7 @@ class Result:
 
 
 def columns_of(experiment: Experiment, differences: int) -> IntArray:
-    """Return which double difference each target of an experiment answers."""
+    """Return the double difference that each target of an experiment answers."""
     if experiment.targets == "benchmark":
         if experiment.benchmark >= differences:
             raise BadInputError(
@@ -176,7 +176,7 @@ def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArr
 
 
 def read_failures(folder: Path) -> BoolArray:
-    """Return which test rows failed, (n, t), of an experiment that kept them."""
+    """Return the mask of failed test rows, (n, t), of an experiment that kept them."""
     failed: BoolArray = load_file(folder / "failures.safetensors")["failed"].numpy()
     return failed
 

@@ -25,7 +25,7 @@ Task: TypeAlias = Literal["classification", "regression"]
 
 
 class Architecture(Table, frozen=True):
-    """What one network looks like."""
+    """Architecture of a network."""
 
     # ``"mlp"``, ``"rnn"`` (the paper's SimpleRNN) or ``"lstm"``
     kind: Literal["mlp", "rnn", "lstm"] = "mlp"
@@ -198,7 +198,7 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         return h if self.task == "classification" else torch.sigmoid(h[:, :, 0])
 
     def _corrected(self, cycles: torch.Tensor) -> torch.Tensor:
-        """Return what ``forward`` does from a real number of cycles per target, (n, t)."""
+        """Return the output of ``forward`` as a real number of cycles per target, (n, t)."""
         if self.task == "regression":
             return (cycles + N_MAX) / (2 * N_MAX)
         integers = torch.arange(-N_MAX, N_MAX + 1, dtype=cycles.dtype, device=cycles.device)

@@ -1,4 +1,4 @@
-"""What gravity networks learn from, and the baselines that need no learning."""
+"""Training data of gravity networks, and the baselines that need no learning."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -48,7 +48,7 @@ class Rows:
         return len(self.g_b)
 
     def seen(self, *, aided: bool) -> tuple[torch.Tensor, ...]:
-        """Return what a network sees."""
+        """Return the inputs of a network."""
         return (self.f_b_mps2, self.v_n_mps) if aided else (self.f_b_mps2,)
 
 

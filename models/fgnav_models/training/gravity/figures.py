@@ -1,4 +1,4 @@
-"""How good a gravity network is on flights it never saw, by kind of flight, as tables of a card."""
+"""Accuracy of a gravity network on flights it never saw, by kind of flight, as tables of a card."""
 
 from dataclasses import dataclass
 

@@ -53,7 +53,7 @@ class Learned(Table, frozen=True):
 
 
 class Training(Learning, frozen=True):
-    """How the networks to be released are made."""
+    """Recipe of the networks to be released."""
 
     # windows, held_out: to learn from; to calibrate on, and as many to test on, of other flights
     windows: Count = 400_000
@@ -66,7 +66,7 @@ class Training(Learning, frozen=True):
 
 
 class Recipe(Table, frozen=True):
-    """What to train: the paper's networks, if any, then those to release, all in one world."""
+    """Recipe: the paper's networks, if any, then those to release, all in one world."""
 
     world: GravityWorld
     paper: PaperStudy | None = None
@@ -150,7 +150,7 @@ def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.
 
 
 def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Statistic, ...]:
-    """Return what figures span over windows that are answered, and the largest sigma."""
+    """Return the range of figures over answered windows, and the largest sigma."""
     rows, most_rad = Rows.of(epochs[:_SCALED]), float(np.radians(how.most_sigma_deg))
     seen = rows.seen(aided=net.aided)
     with torch.no_grad():
