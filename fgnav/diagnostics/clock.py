@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtri, stdtrit
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.diagnostics import track
@@ -242,7 +241,7 @@ def _judged(by: str, left: FloatArray) -> Search | None:
     usual = np.nanmedian(np.log(left[:, valid]), axis=1)[:, None]
     level[valid] = np.nanmean(np.log(left[:, valid]) - usual, axis=0)
     place, best, zero = np.arange(len(level)), int(level.argmin()), len(level) // 2
-    is_open = valid & ~_is_rejected(left, best)
+    is_open = valid & ~np.array(_is_rejected(left, best))
     closed = np.flatnonzero(~is_open)
     first = closed[closed < best].max(initial=-1)
     last = closed[closed > best].min(initial=len(level))
@@ -266,22 +265,13 @@ def _judged(by: str, left: FloatArray) -> Search | None:
     )
 
 
-def _is_rejected(left: FloatArray, best: int) -> BoolArray:
-    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best.
-
-    By Student's t of log ratios, or where both ratio of sums and geometric mean ratio exceed an F
-    quantile in which a window counts as one vector of three.
-    """
+def _is_rejected(left: FloatArray, best: int) -> list[bool]:
+    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best."""
     both = np.isfinite(left) & np.isfinite(left[:, [best]])
-    count = both.sum(axis=0).clip(1)
-    excess = np.where(both, np.log(left / left[:, [best]]), 0.0)
-    mean = excess.sum(axis=0) / count
-    square = np.where(both, (excess - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
-    bound = -stdtrit(np.maximum(count - 1, 1), _EXCLUDED) * np.sqrt(square / count)
-    sums = np.where(both, left, 0.0).sum(axis=0)
-    ratio = sums / np.where(both, left[:, [best]], 0.0).sum(axis=0).clip(1e-300)
-    least = np.minimum(ratio, np.exp(mean)) > fdtri(3.0 * count, 3.0 * count, 1 - _EXCLUDED)
-    return np.asarray((count >= MIN_WINDOWS) & ((mean > bound) | least))
+    return [
+        bool(rows.sum() >= MIN_WINDOWS and is_better(x[rows], left[rows, best], level=_EXCLUDED))
+        for x, rows in zip(left.T, both.T, strict=True)
+    ]
 
 
 def clock_of(

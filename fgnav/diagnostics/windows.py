@@ -115,7 +115,9 @@ def fitted(y: FloatArray, local: FloatArray, common: FloatArray, ridge: FloatArr
     return Fitted(x, covariance, freedom, np.maximum(squares, 0.0))
 
 
-def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
+def is_better(
+    given: FloatArray, other: FloatArray, tests: int = 1, level: float = FALSE_ALARM
+) -> bool:
     """Return True if a hypothesis leaves significantly smaller squares, (W,), than the given one.
 
     By Student's t of the mean log ratio, or by an F test in which a window, whatever is correlated
@@ -126,9 +128,9 @@ def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
     tiny = 1e-12 * (given.mean() + other.mean()) + 1e-300
     gain, freedom = np.log((given + tiny) / (other + tiny)), 3.0 * len(given)
     ratio = (given.sum() + tiny) / (other.sum() + tiny)
-    if ratio > fdtri(freedom, freedom, 1 - FALSE_ALARM / tests):
+    if ratio > fdtri(freedom, freedom, 1 - level / tests):
         return True
     if len(gain) < MIN_WINDOWS or gain.mean() <= 0:
         return False
     spread = gain.std(ddof=1) / np.sqrt(len(gain))
-    return bool(gain.mean() > -spread * stdtrit(len(gain) - 1, FALSE_ALARM / tests))
+    return bool(gain.mean() > -spread * stdtrit(len(gain) - 1, level / tests))

@@ -31,6 +31,13 @@ class Method:
     arcs: tuple[ArcInteger, ...] = ()
 
     @property
+    def solution(self) -> Estimate:
+        """The estimate of a method that has one; NoSolutionError says why another has none."""
+        if self.estimate is None:
+            raise NoSolutionError(f"{self.name}: {self.score.failure}")
+        return self.estimate
+
+    @property
     def rejections(self) -> tuple[Rejected, ...]:
         """Measurements that it mended or did not believe."""
         return () if self.estimate is None else self.estimate.rejections

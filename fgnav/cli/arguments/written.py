@@ -45,9 +45,7 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
     from fgnav.io.exports.tables import ESTIMATE, SUMMARY, write_outcome  # noqa: PLC0415
 
     method = comparison[name]
-    estimate = method.estimate
-    if estimate is None:
-        raise NoSolutionError(f"{name}: {method.score.failure}")
+    estimate = method.solution
     if not estimate.converged:
         open_ = " and ".join(estimate.unobservable)
         raise NoSolutionError(

@@ -69,7 +69,7 @@ def comparison_report(
 
 def _time(flight: Flight, solved: list[Method]) -> Span:
     """Return the limits of the axis of time that all figures share."""
-    spans = [m.estimate.t_s for m in solved if m.estimate is not None and len(m.estimate.t_s)]
+    spans = [m.solution.t_s for m in solved if len(m.solution.t_s)]
     if flight.observations is not None and len(flight.observations.t_s):
         spans.append(flight.observations.t_s)
     low = min((float(t_s[0]) for t_s in spans), default=0.0)

@@ -54,7 +54,7 @@ def _integers(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, 
     """Yield each method's integers, those at the epochs of the observations."""
     epochs = -1 if flight.observations is None else len(flight.observations.t_s)
     for method in methods:
-        integers = None if method.estimate is None else method.estimate.integers
+        integers = method.solution.integers
         if integers is not None and len(integers.cycles) == epochs:
             yield method.name, integers
 

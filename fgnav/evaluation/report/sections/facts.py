@@ -61,8 +61,7 @@ def constants_table(methods: Sequence[Method]) -> Blocks:
     rows = [
         [method.name, one.name, axis, f"{value:.6g}", f"{sigma:.3g}", one.unit]
         for method in methods
-        if method.estimate is not None
-        for one in method.estimate.calibration
+        for one in method.solution.calibration
         for axis, value, sigma in zip(
             one.axes, one.value.tolist(), np.sqrt(np.diag(one.covariance)).tolist(), strict=True
         )

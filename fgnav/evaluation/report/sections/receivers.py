@@ -38,7 +38,7 @@ def receiver_blocks(flight: Flight, methods: Sequence[Method], time: Span) -> Bl
     """Return figures and a table of residuals; empty without fixes and baselines."""
     series, rows = [], []
     for method in methods:
-        for one in _residuals(flight, method.estimate) if method.estimate is not None else ():
+        for one in _residuals(flight, method.solution):
             y = f"residual, {one.unit}"
             if method is methods[0]:  # what the receiver states is the same for all
                 stated = Line(FIXES, one.t_s, 0 * one.value, "3σ", half=3 * one.sigma)

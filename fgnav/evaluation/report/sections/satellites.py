@@ -42,8 +42,8 @@ def _of_array(
     a group is taken off each baseline, so that noise of the reference is not in all others.
     """
     for method in methods:
-        estimate = method.estimate
-        if estimate is None or hidden(estimate) & set(EULER):
+        estimate = method.solution
+        if hidden(estimate) & set(EULER):
             continue
         rows, answers = common_epochs(differences.t_s, estimate.t_s)
         some = differences[rows]
@@ -59,9 +59,9 @@ def _of_code(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, _
     from fgnav.gnss.undifferenced import undifferenced  # noqa: PLC0415  # lazy: brings numba
 
     placed = [
-        (method.name, method.estimate, method.estimate.p_n_m)
+        (method.name, method.solution, method.solution.p_n_m)
         for method in methods
-        if method.estimate is not None and "position" not in hidden(method.estimate)
+        if "position" not in hidden(method.solution)
     ]
     if flight.observations is None or not placed:
         return
