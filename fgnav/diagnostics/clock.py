@@ -15,7 +15,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.diagnostics import track
-from fgnav.diagnostics.track import Attitudes, Integrals, Motion, Series
+from fgnav.diagnostics.array import ArrayAttitudes
+from fgnav.diagnostics.track import Integrals, Motion, Series
 from fgnav.diagnostics.windows import MIN_WINDOWS, Windows, fitted, is_better, windows_of
 from fgnav.geometry.interpolation import corrected_integral, integral, interpolate_tensors
 from fgnav.types.flight import Imu
@@ -113,7 +114,7 @@ def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -
 
 
 def _force_beside(
-    imu: Imu, attitudes: Attitudes
+    imu: Imu, attitudes: ArrayAttitudes
 ) -> Callable[[float], tuple[FloatArray, FloatArray]]:
     """Return times and integrals of specific force rotated by attitudes, by offset."""
     t_s = np.arange(attitudes.t_s[0], attitudes.t_s[-1], 1 / _RATE_HZ)

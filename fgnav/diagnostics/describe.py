@@ -7,8 +7,8 @@ from scipy.special import fdtri
 
 from fgnav.checks import NoSolutionError
 from fgnav.diagnostics.antennas import antenna_finding
-from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
-from fgnav.diagnostics.axes import axes_finding
+from fgnav.diagnostics.array import ArrayAttitudes, sight_finding
+from fgnav.diagnostics.axes import axes_finding, gyroscope_finding
 from fgnav.diagnostics.baselines import baseline_findings
 from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import (

@@ -10,11 +10,12 @@ its own; by an array's attitudes s is n, and R_ns within degrees of one.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.diagnostics.array import ArrayAttitudes
 from fgnav.diagnostics.windows import Fitted, Windows, fitted, windows_of
 from fgnav.geometry.interpolation import corrected_integral, interpolate_tensors
 from fgnav.geometry.rotation_kernel import accumulated
@@ -56,19 +57,7 @@ class Series(NamedTuple):
     windows: Windows
 
 
-class Attitudes(Protocol):
-    """Attitudes of an array at GNSS times, (n,)."""
-
-    t_s: FloatArray
-
-    def interpolated(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return R_nb, (m, 3, 3), and w_b, (m, 3), rad/s, at times within."""
-
-    def rates_exceed_noise(self) -> bool:
-        """Return True if rates are known well enough for a lever arm."""
-
-
-def integrated(imu: Imu, attitudes: Attitudes | None = None) -> Integrals:
+def integrated(imu: Imu, attitudes: ArrayAttitudes | None = None) -> Integrals:
     """Integrate specific force along the gyroscope's rotation, or along known attitudes."""
     if attitudes is not None:
         imu = imu[(imu.t_s >= attitudes.t_s[0]) & (imu.t_s <= attitudes.t_s[-1])]
@@ -93,7 +82,7 @@ def integrated(imu: Imu, attitudes: Attitudes | None = None) -> Integrals:
 
 
 def rotation_and_rates(
-    imu: Imu, attitudes: Attitudes | None, factor: float = 1.0
+    imu: Imu, attitudes: ArrayAttitudes | None, factor: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return R_sb, (m, 3, 3), and w_b, (m, 3), by attitudes or by the gyroscope times a factor.
 
@@ -117,11 +106,11 @@ class Motion:
     fixes: Fixes
     series: list[Series]
     arm_b_m: FloatArray  # (3,); from accelerometer to antenna
-    attitudes: Attitudes | None
+    attitudes: ArrayAttitudes | None
 
     @classmethod
     def from_flight(
-        cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: Attitudes | None
+        cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: ArrayAttitudes | None
     ) -> "Motion":
         """Return the motion where the vehicle moves most."""
         fixes = where_it_moves(fixes)
