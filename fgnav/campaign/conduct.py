@@ -39,7 +39,7 @@ def conduct(
     engine: Engine,
     *,
     resume: bool = False,
-    watch: Watch = lambda _done, _asked: None,
+    watch: Watch = lambda _done, _ordered: None,
 ) -> Outcome:
     """Fly all runs of an order that are not there yet; write their files, tables and report.
 
@@ -60,20 +60,20 @@ def conduct(
     check_order(order)
     folder = Folder(out, order, resume=resume)
     todo = folder.missing()
-    asked, flown, unwritten = order.count, 0, Counter[str]()
-    watch(asked - len(todo), asked)
+    ordered, flown, unwritten = order.count, 0, Counter[str]()
+    watch(ordered - len(todo), ordered)
     for run, record in engine(partial(_fly, order), todo, partial(_lost, order)):
         flown += 1
         try:
             folder.keep(run, record)
         except BadInputError as error:
             unwritten[str(error).partition(": ")[2]] += 1
-        watch(asked - len(todo) + flown, asked)
+        watch(ordered - len(todo) + flown, ordered)
     files = write_tables(order, folder, out)
     text, report = write_report(order, folder, out)
     failures = Counter(record["failure"] for record in folder)
     return Outcome(
-        asked=asked,
+        asked=ordered,
         kept=failures.total(),
         flown=flown,
         unused=(*_failures(failures), *_unused("run not kept", unwritten)),
@@ -98,5 +98,7 @@ def _failures(counted: "Counter[str | None]") -> tuple[Unused, ...]:
 
 def _unused(what: str, reasons: "Counter[str]") -> tuple[Unused, ...]:
     named = [Unused(what=what, reason=why, count=n) for why, n in reasons.most_common(_KINDS)]
-    rest = sum(reasons.values()) - sum(one.count for one in named)
-    return (*named, Unused(what=what, reason="other reasons", count=rest)) if rest else tuple(named)
+    others = sum(reasons.values()) - sum(loss.count for loss in named)
+    if others:
+        named.append(Unused(what=what, reason="other reasons", count=others))
+    return tuple(named)

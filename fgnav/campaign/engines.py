@@ -143,10 +143,10 @@ class Dask:
             waiting, running = iter(tasks), {}
 
             def submit(count: int) -> list[object]:
-                entering = list(islice(waiting, count))
+                batch = list(islice(waiting, count))
                 # Each run is asked for once: a key of its content would be looked up on the way.
-                futures = [client.submit(work, task, pure=False) for task in entering]
-                running.update({f.key: t for f, t in zip(futures, entering, strict=True)})
+                futures = [client.submit(work, task, pure=False) for task in batch]
+                running.update({f.key: t for f, t in zip(futures, batch, strict=True)})
                 return futures
 
             threads = max(1, sum(client.nthreads().values()))

@@ -137,7 +137,7 @@ def _flown(order: Order, run: Run) -> Record:
             "figures": _plain(figures[m.name]),
             "converged": m.score.converged,
             "failure": None if m.score.failure is None else m.score.failure[:_TEXT],
-            "nis": {one.what: one.nis for one in m.score.consistency},
+            "nis": {test.what: test.nis for test in m.score.consistency},
             "seconds": m.score.seconds,
         }
         for m in comparison.methods

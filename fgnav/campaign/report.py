@@ -55,8 +55,8 @@ class Table:
             self.flown[case] += 1
             for m, method in enumerate(self._methods):
                 figures = record["methods"].get(method, {}).get("figures", {})
-                own = self._of[case][record["flight"], record["column"], m]
-                own[:] = [figures.get(name) for name in FIGURES]
+                figures_of = self._of[case][record["flight"], record["column"], m]
+                figures_of[:] = [figures.get(name) for name in FIGURES]
 
     def figure(self, name: str, method: str, case: int) -> FloatArray:
         """Return a figure of each flight and column of a case, (flights, columns)."""
@@ -75,12 +75,12 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     for number, cases in enumerate(groups):
         swept, tables, charts = _sweep(order, table, cases)
         parts.append((f"sweep-{number}", f"By {swept}", grid(charts) + tables))
-    whole = report(f"Campaign {order.name}", order.titles, parts)
-    lines = [line for part in whole.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
+    page = report(f"Campaign {order.name}", order.titles, parts)
+    lines = [line for part in page.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
     text = "\n".join([*lines[1:], ""])
     write_text(out / REPORT, text)
-    write(whole, out / PAGE)
-    return text, whole
+    write(page, out / PAGE)
+    return text, page
 
 
 def _summaries(order: Order, table: Table) -> Blocks:
@@ -121,12 +121,12 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
         ]
         ratio = unpaired = ""
         if title != order.reference:
-            own = table.figure(_MATCHED, title, number)
-            both = np.isfinite(own) & np.isfinite(baseline)
-            first, second = (np.where(both, values, np.nan) for values in (own, baseline))
+            errors = table.figure(_MATCHED, title, number)
+            both = np.isfinite(errors) & np.isfinite(baseline)
+            first, second = (np.where(both, values, np.nan) for values in (errors, baseline))
             held = paired(_root_mean(first), _root_mean(second), rng)
             ratio = interval(held.ratio) + ("*" if held.is_significant else "")
-            only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
+            only = int((np.isfinite(errors) ^ np.isfinite(baseline)).sum())
             unpaired = f"{only} flights" if only else ""
         yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
 
@@ -186,11 +186,11 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
     rng = np.random.default_rng([BOOTSTRAP_SEED, *cases])
     baseline = means(order.reference)
     for title in order.titles:
-        own = means(title)
-        held = paired(own, baseline, rng)
+        errors = means(title)
+        held = paired(errors, baseline, rng)
         ratio = "" if title == order.reference else interval(held.ratio)
         mark = "*" if ratio and held.is_significant else ""
-        yield [title, interval(pooled(own, rng, squared=False)), ratio + mark]
+        yield [title, interval(pooled(errors, rng, squared=False)), ratio + mark]
 
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:

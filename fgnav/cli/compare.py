@@ -75,8 +75,8 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     estimators += ablated(method, integers, smoother, without) if without else []
     for folder in folders:
         check_outputs(folder, json, report=report)
-        for place in (out / one.name for one in estimators) if out is not None else ():
-            check_outputs(folder, folder=place)
+        for estimator in estimators:
+            check_outputs(folder, folder=None if out is None else out / estimator.name)
     check_report(report)
     if len(folders) > 1:
         _several(folders, estimators, span, json, report, strict=smoother.strict)
@@ -142,16 +142,16 @@ def _several(
     write_json(json, comparison.to_dict())
     if json != "-":
         print("\n".join(text_lines(on_screen(comparison), width())))
-    if not any(one.figures for one in comparison.flights):
+    if not any(outcome.figures for outcome in comparison.flights):
         why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
         raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")
     files = save_flights_report(comparison, report)
     if json != "-":
         show_report(files)
     inconsistent = [
-        one.flight
-        for one in comparison.flights
-        if any(method.get("verdicts") for method in one.detail.get("methods", {}).values())
+        outcome.flight
+        for outcome in comparison.flights
+        if any(method.get("verdicts") for method in outcome.detail.get("methods", {}).values())
     ]
     if strict and inconsistent:
         raise NoSolutionError(

@@ -19,7 +19,7 @@ MIN_EPOCHS, _MIN_SIGHTS = 20, 10
 _RATE_SPAN_S, _RATE_RATIO = 0.4, 10.0  # of rates; variance of their changes over their noise
 _POSITION_M = 1.0  # sigma of a position by code
 _CAUSES = {"detector": (0.2, np.radians(1.0)), "landmark": (50.0, 5.0)}  # prior, notable; rad, m
-_SQUARES, _APART = 75.0, 9.0  # five sigma in each unknown; three between two causes
+_SQUARES, _SEPARATION = 75.0, 9.0  # five sigma in each unknown; three between two causes
 
 
 class ArrayAttitudes:
@@ -93,7 +93,7 @@ def sight_finding(
         return None
     (left, name, x), *others = sorted(causes, key=lambda cause: cause[0])
     text = _sight_text(name, x)
-    if others and others[0][0] - left < _APART * max(left / len(residual), 1.0):
+    if others and others[0][0] - left < _SEPARATION * max(left / len(residual), 1.0):
         text += f", or as well {_sight_text(*others[0][1:])}"
     text += f": residual squares are {square / max(left, 1.0):.3g} times larger as given"
     return Finding(f"photodetector {name}", text)
@@ -124,7 +124,7 @@ def _sight_equations(
     sigma = np.sqrt(variance + sight.sigma_rad**2 + (_POSITION_M / range_m) ** 2)
     residual = across @ (e_b - expected_b)[:, :, None]
     parts = (residual, by_rotation, across @ R_nb.swapaxes(1, 2) / range_m)
-    whitened = [(part / sigma).reshape(-1, part.shape[2]) for part in parts]
+    whitened = [(values / sigma).reshape(-1, values.shape[2]) for values in parts]
     return whitened[0][:, 0], whitened[1], whitened[2]
 
 

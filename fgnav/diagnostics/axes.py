@@ -41,7 +41,9 @@ def signed_permutations() -> FloatArray:
 
 def named_axes(axes: FloatArray, names: tuple[str, str, str] = ("x", "y", "z")) -> str:
     """Return the names of the axes that a signed permutation reads."""
-    return ", ".join(f"{'-' if row.sum() < 0 else ''}{names[np.abs(row).argmax()]}" for row in axes)
+    return ", ".join(
+        f"{'-' if axis.sum() < 0 else ''}{names[np.abs(axis).argmax()]}" for axis in axes
+    )
 
 
 def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
@@ -70,11 +72,11 @@ def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
         _, y, local = values.solved(moved, [by_bias], ridge, aligned=aligned)
         squares = fitted(y, local, np.zeros((*y.shape, 0)), ridge).squares
         fits.append((squares, _changes(rate, axes), rate, axes))
-    best = min(fits, key=lambda one: _level(one[0]))
+    best = min(fits, key=lambda fit: _level(fit[0]))
     if best is fits[0] or not is_better(fits[0][0], best[0], len(hypotheses)):
         return None
     equal = [fit for fit in fits[1:] if not is_better(fit[0], best[0])]
-    squares, _, rate, axes = min(equal, key=lambda one: (one[1], _level(one[0])))
+    squares, _, rate, axes = min(equal, key=lambda fit: (fit[1], _level(fit[0])))
     ratio = float(np.exp(_level(fits[0][0]) - _level(squares)))
     return _finding(rate, axes, imu, ratio) if ratio > _RATIO else None
 
@@ -93,13 +95,13 @@ def gyroscope_finding(imu: Imu, array: ArrayAttitudes) -> Finding | None:
         for unit, factor in units.items()
         for k, M in enumerate(signed_permutations())
     }
-    (unit, k), least = min(left.items(), key=lambda item: item[1])
-    if (unit, k) == ("", 0) or least > _BETTER * left["", 0]:
+    (unit, k), best = min(left.items(), key=lambda item: item[1])
+    if (unit, k) == ("", 0) or best > _BETTER * left["", 0]:
         return None
     names = named_axes(signed_permutations()[k], ("wx", "wy", "wz"))
     text = (
         f"{f'rates are {unit}' if unit else 'axes are exchanged or reversed'}: squares beside the "
-        f"array's rotations are {left['', 0] / max(least, 1e-300):.3g} times larger"
+        f"array's rotations are {left['', 0] / max(best, 1e-300):.3g} times larger"
     )
     mend = f"multiply by {units[unit]:.6g}" if unit else f"wx, wy, wz should read {names}"
     return Finding(f"gyroscope {'unit' if unit else 'axes'}", text, mend, SAMPLES, certain=True)
@@ -122,10 +124,10 @@ def _integrals(motion: Motion, imu: Imu, rate: float) -> FloatArray:
     parts = np.concatenate([force.reshape(len(R_sb), 3, 9), R_sb], axis=2)
     for _ in range(motion.series[-1].order):
         parts = corrected_integral(imu.t_s, parts)
-    swing_b = np.cross(w_b, motion.arm_b_m)
+    lever_b = np.cross(w_b, motion.arm_b_m)
     if motion.series[-1].order == 2:
-        swing_b = np.broadcast_to(motion.arm_b_m, w_b.shape)
-    return np.concatenate([parts, R_sb @ swing_b[..., None]], axis=2)
+        lever_b = np.broadcast_to(motion.arm_b_m, w_b.shape)
+    return np.concatenate([parts, R_sb @ lever_b[..., None]], axis=2)
 
 
 def _levels(values: WindowValues, inner: FloatArray, *, aligned: bool) -> list[float]:

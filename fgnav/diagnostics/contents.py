@@ -139,13 +139,13 @@ def _array_findings(flight: Flight) -> list[Finding]:
     names = [antenna.name for antenna in flight.antennas]
     if len(names) < 2:
         return []
-    places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
-    distance_m = np.linalg.norm(places_b_m[:, None] - places_b_m[None], axis=2)
+    positions_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
+    distance_m = np.linalg.norm(positions_b_m[:, None] - positions_b_m[None], axis=2)
     findings = []
     for i, j in zip(*np.nonzero(np.triu(distance_m < _SAME_PLACE_M, k=1)), strict=True):
         text = f"{names[i]} and {names[j]} are {1e3 * distance_m[i, j]:.1f} mm apart"
         findings.append(Finding("duplicate antennas", text, "check position_b_m"))
-    _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
+    _, sizes, axes = np.linalg.svd(positions_b_m - positions_b_m.mean(axis=0))
     spread_m = np.append(sizes, np.zeros(3))[:2]
     is_line = spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M
     if is_line and flight.observations is not None:
@@ -246,10 +246,10 @@ def instrument_findings(flight: Flight) -> list[Finding]:
     if flight.barometer is not None:
         series["barometer"] = (flight.barometer.t_s, flight.barometer.height_m[:, None])
     if flight.photodetector is not None:
-        seen = flight.photodetector.currents.min(axis=1) > 0
+        visible = flight.photodetector.currents.min(axis=1) > 0
         series["photodetector"] = (
-            flight.photodetector.t_s[seen],
-            flight.photodetector.currents[seen],
+            flight.photodetector.t_s[visible],
+            flight.photodetector.currents[visible],
         )
     if flight.magnetometer is not None:
         series["magnetometer"] = (flight.magnetometer.t_s, flight.magnetometer.field_b_ut)

@@ -93,13 +93,17 @@ def _exchange(flight: Flight, array: ArrayRanges | None) -> Exchange | None:
 
 def _motion(flight: Flight) -> Motion | None:
     """Return the motion by the gyroscope, else by attitudes of an array; None without a track."""
-    imu, seen, fixes, attitudes = flight.imu, flight.observations, flight.first_fixes, None
+    imu, observations, fixes, attitudes = flight.imu, flight.observations, flight.first_fixes, None
     has_gyroscope = imu is not None and imu.w_b_radps is not None
     if imu is None or len(imu.t_s) < 3:
         return None
     try:
-        if seen is not None and len(seen.t_s) and (has_gyroscope or len(flight.antennas) >= _ARRAY):
-            flight = replace(flight, observations=middle_of(seen, LONGEST))
+        if (
+            observations is not None
+            and len(observations.t_s)
+            and (has_gyroscope or len(flight.antennas) >= _ARRAY)
+        ):
+            flight = replace(flight, observations=middle_of(observations, LONGEST))
             fixes = fixes_by_code(flight)
             if not has_gyroscope:
                 attitudes = ArrayAttitudes(flight, double_differences(flight), fixes)
@@ -123,7 +127,7 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
     step_s = float(spans_s[k]) - usual_s
     if spans_s[k] <= GAP * usual_s or not 3 <= k < len(spans_s) - 3:
         return None
-    before, after = (replace(motion, imu=part) for part in (imu[: k + 1], imu[k + 1 :]))
+    before, after = (replace(motion, imu=samples) for samples in (imu[: k + 1], imu[k + 1 :]))
     clock = clock_of(before, series, before.integrals_at(), 0.0)
     offset_s = clock.offset_s if clock is not None and clock.bound_s < COARSE_S else 0.0
     t_s, after_s = series.t_s[series.windows.row], after.imu.t_s + offset_s
@@ -132,8 +136,8 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
         return None
     windows, integrals_at = series.windows.some(inside), after.integrals_at()
     given, other = (
-        fit(series, integrals_at(one), imu, motion.arm_b_m, windows)[0]
-        for one in (offset_s, offset_s - step_s)
+        fit(series, integrals_at(shift_s), imu, motion.arm_b_m, windows)[0]
+        for shift_s in (offset_s, offset_s - step_s)
     )
     if not is_better(given.squares, other.squares):
         return None

@@ -194,10 +194,10 @@ class WindowValues:
     """A series in windows: detrended values and 1 / sigma, (W, n, 3), zero outside."""
 
     def __init__(self, series: Series, windows: Windows) -> None:
-        row, t_s = windows.row, series.t_s
-        self.series, self.windows, self.at_s = series, windows, t_s[row]
-        self.value = detrended(windows, t_s, series.value[row], series.order)
-        self.white = np.where(windows.inside[..., None], 1.0 / series.sigma[row], 0.0)
+        rows, t_s = windows.row, series.t_s
+        self.series, self.windows, self.at_s = series, windows, t_s[rows]
+        self.value = detrended(windows, t_s, series.value[rows], series.order)
+        self.white = np.where(windows.inside[..., None], 1.0 / series.sigma[rows], 0.0)
 
     def resampled(self, t_s: FloatArray, values: FloatArray) -> FloatArray:
         """Return inertial values, (m, ...), at the epochs, detrended: (W, n, ...)."""
@@ -220,10 +220,10 @@ class WindowValues:
         R_ns = nearest(np.einsum("wni,wnj->wij", weight * self.value, moved))
         R_ns = np.tile(np.eye(3), (W, 1, 1)) if aligned else R_ns
         lean = -skew(moved.reshape(-1, 3)).reshape(W, n, 3, 3)
-        place = slice(3 * len(start), 3 * len(start) + 3)
+        columns = slice(3 * len(start), 3 * len(start) + 3)
 
         def system() -> tuple[FloatArray, FloatArray]:
-            local = [*start, *(R_ns[:, None] @ one for one in (lean, *biases))]
+            local = [*start, *(R_ns[:, None] @ derivative for derivative in (lean, *biases))]
             A = (self.white[..., None] * np.concatenate(local, axis=3)).reshape(W, 3 * n, -1)
             y = self.white * (self.value - np.einsum("wij,wnj->wni", R_ns, moved))
             return y.reshape(W, -1), A
@@ -231,7 +231,7 @@ class WindowValues:
         y, A = system()  # one step of Gauss-Newton, for the first rotation has the biases in it
         information = A.swapaxes(1, 2) @ A + np.diag(ridge + 1e-9)
         step = np.linalg.solve(information, (A * y[..., None]).sum(axis=1)[..., None])
-        R_ns = R_ns @ exp(step[:, place, 0])
+        R_ns = R_ns @ exp(step[:, columns, 0])
         return R_ns, *system()
 
 
@@ -259,10 +259,10 @@ def fit(
     middle = interpolate_tensors(
         values.at_s[:, values.at_s.shape[1] // 2], integrals.t_s, integrals.by_bias[1]
     )
-    turning = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
+    by_rotation = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
     biases = [
         -resampled(integrals.by_bias[order]),
-        resampled(integrals.by_rate_bias[order - 1]) - turning,
+        resampled(integrals.by_rate_bias[order - 1]) - by_rotation,
     ]
     ridge = prior(imu, order, aligned=aligned)
     R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, aligned=aligned)

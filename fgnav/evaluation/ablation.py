@@ -42,7 +42,7 @@ def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Estimator:  #
     if len(measured) < len(kinds):
         if not has_gravity(estimator):
             raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
-        others = tuple(one for one in estimator.factors or () if not _is_gravity(one))
+        others = tuple(source for source in estimator.factors or () if not _is_gravity(source))
         estimator = replace(estimator, gravity=None, factors=others)
     if not measured and "name" in getattr(estimator, "__dataclass_fields__", ()):
         renamed: Estimator = replace(estimator, name=name)  # it may share its preparation
@@ -143,7 +143,7 @@ def _no_baselines(flight: Flight) -> Flight | None:
     truth, antenna = flight.truth, flight.antennas[0]
     return replace(
         flight,
-        fixes=tuple(one for one in flight.fixes if one.antenna == antenna.name),
+        fixes=tuple(fixes for fixes in flight.fixes if fixes.antenna == antenna.name),
         baselines=(),
         antennas=(antenna,),
         observations=observed.of_antennas(slice(1)),

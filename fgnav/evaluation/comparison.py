@@ -46,9 +46,9 @@ class Method:
         """Return every figure in plain types, each rejected measurement with its reason."""
         constants = () if self.estimate is None else self.estimate.calibration
         return asdict(self.score) | {
-            "rejections": [asdict(one) for one in self.rejections],
-            "calibration": [one.to_dict() for one in constants],
-            "arcs": [asdict(one) for one in self.arcs],
+            "rejections": [asdict(rejected) for rejected in self.rejections],
+            "calibration": [constant.to_dict() for constant in constants],
+            "arcs": [asdict(arc) for arc in self.arcs],
         }
 
 
@@ -208,14 +208,14 @@ def compare(
     for name in names:
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
-    own = replace(flight)
+    first = replace(flight)
     prepared_by_key: dict[Hashable, _Outcome] = {}
     outcomes = []
     for k, estimator in enumerate(estimators):
         with watch(estimator.name):
-            outcomes.append(_run(replace(flight) if k else own, estimator, prepared_by_key))
+            outcomes.append(_run(replace(flight) if k else first, estimator, prepared_by_key))
     estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
-    differences = _differences_of(own)  # the first method's, as a rule: what it made is kept there
+    differences = _differences_of(first)  # which the first method has made, as a rule
     right = _right_integers(flight, differences)
     methods = tuple(
         _judge(flight, name, outcome, differences, right)
@@ -277,8 +277,8 @@ def _run(
     shared = prepared_by_key[key]
     if shared.failure is not None:
         return shared
-    own = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
-    return own._replace(seconds=own.seconds + shared.seconds)
+    outcome = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
+    return outcome._replace(seconds=outcome.seconds + shared.seconds)
 
 
 def _timed(work: Callable[[], Any]) -> _Outcome:
@@ -330,12 +330,12 @@ def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Outcome
     from fgnav.assembly.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
     keys = sorted(prepared_by_key, key=lambda key: bool(getattr(key, "causal", False)))
-    for one in (prepared_by_key[key] for key in keys):
-        if isinstance(one.value, PreparedFlight):
+    for outcome in (prepared_by_key[key] for key in keys):
+        if isinstance(outcome.value, PreparedFlight):
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 
             try:
-                return posterior_angles(flight, one.value)
+                return posterior_angles(flight, outcome.value)
             except NoSolutionError:  # measurements leave a state open: then nothing is bounded
                 return Angles()
     return Angles()

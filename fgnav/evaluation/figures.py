@@ -148,8 +148,8 @@ def energy_score(error: FloatArray, covariance: FloatArray) -> float:
     draws = np.einsum("nij,mj->nmi", root, normal_nodes(error.shape[1]))
     near = np.linalg.norm(draws - error[:, None], axis=2).mean(axis=1)
     # X - X' is normal with twice the covariance.
-    apart = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
-    return float((near - apart / 2).mean())
+    spread = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
+    return float((near - spread / 2).mean())
 
 
 def normal_nodes(d: int) -> FloatArray:

@@ -143,13 +143,13 @@ def _interval(
     if not n:
         return Interval(value=np.nan, low=np.nan, high=np.nan)
     with np.errstate(all="ignore"):  # of one flight, or of resamples that are all alike
-        own = statistic(samples)
-        value, low, high = float(back(own.value)), np.nan, np.nan
-        if n >= _LEAST and own.error > 0:
+        nominal = statistic(samples)
+        value, low, high = float(back(nominal.value)), np.nan, np.nan
+        if n >= _LEAST and nominal.error > 0:
             resampled = _resampled(samples, statistic, rng)
-            t = (resampled.value - own.value) / resampled.error
+            t = (resampled.value - nominal.value) / resampled.error
             bounds = np.quantile(t[np.isfinite(t)], [(1 + _LEVEL) / 2, (1 - _LEVEL) / 2])
-            low, high = back(own.value - bounds * own.error).tolist()
+            low, high = back(nominal.value - bounds * nominal.error).tolist()
     return Interval(value=value, low=low, high=high)
 
 
@@ -164,8 +164,8 @@ def _resampled(
         for done in range(0, _RESAMPLES, rows)
     ]
     return _Statistic(
-        np.concatenate([part.value for part in parts]),
-        np.concatenate([part.error for part in parts]),
+        np.concatenate([block.value for block in parts]),
+        np.concatenate([block.error for block in parts]),
     )
 
 

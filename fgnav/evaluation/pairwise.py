@@ -36,12 +36,12 @@ def _difference(a: Estimate, b: Estimate) -> Difference:
     R_a, R_b = a.R_nb[of_a], b.R_nb[of_b]
     euler_rad = rotations.wrap(rotations.to_euler(R_a) - rotations.to_euler(R_b))
     euler_rad[:, [name in lost for name in EULER]] = np.nan
-    turn_rad = rotations.log(rotations.transpose(R_a) @ R_b)
+    tangent_rad = rotations.log(rotations.transpose(R_a) @ R_b)
     return Difference(
         methods=(a.method, b.method),
         epochs=len(of_a),
         rms_deg=angles(euler_rad),
-        attitude_rms_deg=None if lost & set(EULER) else degrees(rms(turn_rad)),
+        attitude_rms_deg=None if lost & set(EULER) else degrees(rms(tangent_rad)),
         position_rms_m=rms(minus(a.p_n_m, b.p_n_m, of_a, of_b)),
         velocity_rms_mps=rms(minus(a.v_n_mps, b.v_n_mps, of_a, of_b)),
     )

@@ -86,5 +86,5 @@ def minus(
 
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return the index of the last sample at or before each epoch, kept off the last sample."""
-    row = np.searchsorted(times_s, t_s, side="right") - 1
-    return np.asarray(row.clip(0, max(len(times_s) - 2, 0)))
+    index = np.searchsorted(times_s, t_s, side="right") - 1
+    return np.asarray(index.clip(0, max(len(times_s) - 2, 0)))

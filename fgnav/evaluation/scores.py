@@ -213,12 +213,12 @@ def hidden(estimate: Estimate) -> set[str]:
 def median_sigmas(estimate: Estimate) -> MedianSigmas:
     """Return medians of what an estimate states of its errors, of what it observes."""
     lost, euler_deg = hidden(estimate), estimate.sigma_deg
-    stated: dict[str, float] = {}
+    sigmas: dict[str, float] = {}
     if euler_deg is not None and len(euler_deg):
         medians = dict(zip(EULER, np.median(euler_deg, axis=0).tolist(), strict=True))
-        stated = {name: value for name, value in medians.items() if name not in lost}
+        sigmas = {name: value for name, value in medians.items() if name not in lost}
     return MedianSigmas(
-        euler_deg=Angles(**stated),
+        euler_deg=Angles(**sigmas),
         position_m=None if "position" in lost else _size(estimate.position_covariance_m2),
         velocity_mps=None if "velocity" in lost else _size(estimate.velocity_covariance_m2ps2),
     )
@@ -329,7 +329,7 @@ def baseline_figures(flight: Flight, estimate: Estimate) -> tuple[BaselineFigure
             of = dict(zip(_SIGMAS, np.degrees(medians_rad).tolist(), strict=True))
         if flight.truth is not None:
             errors = baseline_errors_rad(angles, flight.truth, unit_b)
-            sizes = (degrees(rms(one[np.isfinite(one)])) for one in errors.T)
+            sizes = (degrees(rms(error[np.isfinite(error)])) for error in errors.T)
             of |= dict(zip(_ERRORS, sizes, strict=True))
             of["nees_mean"] = _mean(_nees(errors, angles.covariance_rad2))
         figures.append(BaselineFigures(name=name, **of))

@@ -31,15 +31,15 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
     high = np.inf if until_s is None else until_s
     if not low < high:
         raise BadInputError(f"--from {low:g} --until {high:g}: the first must be the earlier")
-    part = truncated(flight, high, after_s=float(np.nextafter(low, -np.inf)))
-    if part.observations is None and not part.records.keys() - {"truth"}:
+    cut = truncated(flight, high, after_s=float(np.nextafter(low, -np.inf)))
+    if cut.observations is None and not cut.records.keys() - {"truth"}:
         raise BadInputError(
             f"--from {low:g} --until {high:g}: flight {flight.name!r} measured nothing then"
         )
     if flight.truth is not None:
         truth = flight.truth[_around(flight.truth.t_s, low, high)]
-        part = replace(part, truth=truth if len(truth.t_s) else None)
-    return replace(part, initial=None) if low > _first_s(flight) else part
+        cut = replace(cut, truth=truth if len(truth.t_s) else None)
+    return replace(cut, initial=None) if low > _first_s(flight) else cut
 
 
 def _around(t_s: FloatArray, low: float, high: float) -> slice:
@@ -51,5 +51,5 @@ def _around(t_s: FloatArray, low: float, high: float) -> slice:
 def _first_s(flight: Flight) -> float:
     """Return when the first measurement was made."""
     records = {**flight.records, "gnss": flight.observations, "truth": None}
-    times = (one.t_s for one in records.values() if one is not None and len(one.t_s))
+    times = (record.t_s for record in records.values() if record is not None and len(record.t_s))
     return min((float(t_s[0]) for t_s in times), default=0.0)

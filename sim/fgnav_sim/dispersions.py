@@ -92,11 +92,15 @@ def disperse(
     seed, content, draws = int(rng.integers(2**63)), _content(tables), []
     for key, spread in wanted:
         nominal = _values(content, key, spread)
-        own = np.random.default_rng([seed, zlib.crc32(key.encode())])
+        key_rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
         size = spread.figure.shape
-        unit = own.standard_normal(size) if spread.law == "normal" else own.uniform(-1.0, 1.0, size)
+        deviate = (
+            key_rng.standard_normal(size)
+            if spread.law == "normal"
+            else key_rng.uniform(-1.0, 1.0, size)
+        )
         scale = nominal if spread.sigma is None else 1.0
-        value = nominal + scale * spread.figure * unit
+        value = nominal + scale * spread.figure * deviate
         draws.append(Draw(key=key, nominal=_plain(nominal), value=_plain(value)))
     values = {draw.key: draw.value for draw in draws}
     return with_values(
@@ -116,16 +120,16 @@ def with_values(tables: _Tables, values: Mapping[str, Any], what: str) -> _Table
     content = _content(tables)
     for key, value in values.items():
         *path, name = key.split(".")
-        place: Any = content
+        node: Any = content
         for table in path:
-            place = place.get(table) if isinstance(place, dict) else None
-        if not isinstance(place, dict):
+            node = node.get(table) if isinstance(node, dict) else None
+        if not isinstance(node, dict):
             raise BadInputError(f"{what}.{key}: the scenario has no table {'.'.join(path)}")
-        if name not in place:
-            near = get_close_matches(name, place, n=1, cutoff=0.0)
+        if name not in node:
+            near = get_close_matches(name, node, n=1, cutoff=0.0)
             meant = f"; the nearest known key is {'.'.join([*path, *near])}" if near else ""
             raise BadInputError(f"{what}.{key}: unknown{meant}")
-        place[name] = deepcopy(value)  # later keys may change a part of it
+        node[name] = deepcopy(value)  # later keys may change a part of it
     try:
         return msgspec.convert(content, type(tables))
     except msgspec.ValidationError as error:
@@ -154,13 +158,13 @@ def _flat(where: str, spreads: Mapping[str, Any]) -> Iterator[tuple[str, Spread]
 
 def _values(content: Mapping[str, Any], key: str, spread: Spread) -> FloatArray:
     """Return the values that a spread moves, () or (k,)."""
-    known = dict(_leaves("", content))
-    if key not in known:
-        near = get_close_matches(key, known, n=1, cutoff=0.0)[0]
+    leaves = dict(_leaves("", content))
+    if key not in leaves:
+        near = get_close_matches(key, leaves, n=1, cutoff=0.0)[0]
         raise BadInputError(f"dispersions.{key}: unknown; the nearest known key is {near}")
-    if known[key] is None:
+    if leaves[key] is None:
         raise BadInputError(f"dispersions.{key}: has no value to be drawn about; give it one")
-    values = np.asarray(known[key], dtype=float)
+    values = np.asarray(leaves[key], dtype=float)
     if spread.figure.ndim and spread.figure.shape != values.shape:
         raise BadInputError(
             f"dispersions.{key}: must hold a figure, or one for each of {values.size} values, "

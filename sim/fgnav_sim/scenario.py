@@ -103,8 +103,10 @@ class ImuTable(Table, frozen=True):
         names = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
         missing = [name for name in names if getattr(self, f"gyroscope_{name}") is None]
         finer = ("bias_instability_radps", "scale", "misalignment_rad", "range_radps")
-        stated = len(missing) < len(names) or any(getattr(self, f"gyroscope_{n}") for n in finer)
-        if missing and stated:
+        has_gyroscope = len(missing) < len(names) or any(
+            getattr(self, f"gyroscope_{n}") for n in finer
+        )
+        if missing and has_gyroscope:
             raise ValueError(f"gyroscope_{missing[0]}: goes with the other gyroscope keys")
 
 

@@ -148,10 +148,10 @@ def _sensed(scenario: Scenario, rngs: Sequence[np.random.Generator]) -> Flight:
 
 def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
     """Return a scenario whose antennas sit where they really do."""
-    stated_b_m = np.array(scenario.antennas_b_m)
-    off_b_m = scenario.antenna_misplacement_m * rng.standard_normal(stated_b_m.shape)
-    places = tuple((x, y, z) for x, y, z in (stated_b_m + off_b_m).tolist())
-    return msgspec.structs.replace(scenario, antennas_b_m=places)
+    nominal_b_m = np.array(scenario.antennas_b_m)
+    error_b_m = scenario.antenna_misplacement_m * rng.standard_normal(nominal_b_m.shape)
+    positions = tuple((x, y, z) for x, y, z in (nominal_b_m + error_b_m).tolist())
+    return msgspec.structs.replace(scenario, antennas_b_m=positions)
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:

@@ -79,10 +79,15 @@ def ablated(
     out: list[Estimator] = []
     for word in _words(kinds):
         left_out = tuple(kind.strip() for kind in word.split("+"))
-        takers = [one for one in named if GRAVITY not in left_out or has_gravity(one)]
+        takers = [
+            estimator for estimator in named if GRAVITY not in left_out or has_gravity(estimator)
+        ]
         if not takers:
             raise BadInputError("--without gravity: there is none without --gravity; name one")
-        out += [restricted(f"{one.name} without {word}", one, left_out) for one in takers]
+        out += [
+            restricted(f"{estimator.name} without {word}", estimator, left_out)
+            for estimator in takers
+        ]
     return out
 
 
@@ -125,7 +130,7 @@ def compare_folders(
         return compare_flights(loaded(), by, watch=step)
 
 
-def flights_in(places: tuple[Path, ...]) -> list[Path]:
+def flights_in(paths: tuple[Path, ...]) -> list[Path]:
     """Return the flights that are named, and those in folders that hold some, sorted.
 
     Raises
@@ -136,9 +141,9 @@ def flights_in(places: tuple[Path, ...]) -> list[Path]:
     from fgnav.checks import BadInputError  # noqa: PLC0415
 
     folders: list[Path] = []
-    for place in places:
-        inside = [] if (place / _TOML).exists() else sorted(place.glob(f"*/{_TOML}"))
-        folders += [toml.parent for toml in inside] or [place]
+    for path in paths:
+        inside = [] if (path / _TOML).exists() else sorted(path.glob(f"*/{_TOML}"))
+        folders += [toml.parent for toml in inside] or [path]
     for folder in folders:
         if folders.count(folder) > 1:
             raise BadInputError(f"{folder}: is named twice; a flight counts once")
@@ -172,8 +177,8 @@ def _check_set_up(flight: "Flight") -> None:
         if finding.certain:
             raise BadInputError(f"{flight.name}: {finding}")
     lost = unused_lines({"files": flight.unused})
-    for said in (*findings, *(f"files: {line}" for line in lost)):
-        _LOG.warning("check: %s", said)
+    for remark in (*findings, *(f"files: {line}" for line in lost)):
+        _LOG.warning("check: %s", remark)
 
 
 def log_findings_of_check(flight: "Flight") -> None:

@@ -20,13 +20,15 @@ def fail_if_inconsistent(comparison: "Comparison", *, strict: bool) -> None:
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
 
-    found = [
-        f"{method.name}: {', '.join(dict.fromkeys(one.sensor for one in method.score.verdicts))}"
+    inconsistent = [
+        f"{method.name}: {', '.join(dict.fromkeys(v.sensor for v in method.score.verdicts))}"
         for method in comparison.methods
         if method.score.verdicts
     ]
-    if strict and found:
-        raise NoSolutionError(f"--strict: measurements contradict each other: {'; '.join(found)}")
+    if strict and inconsistent:
+        raise NoSolutionError(
+            f"--strict: measurements contradict each other: {'; '.join(inconsistent)}"
+        )
 
 
 def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
@@ -53,12 +55,12 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
             + (f"; the data leave open: {open_}" if open_ else "")
         )
     alone = replace(comparison, methods=(method,), differences=())
-    place = made_folder(folder)
-    replaced = ", for an earlier one" if (place / ESTIMATE).exists() else ""
-    with TemporaryDirectory(prefix=".fgnav-", dir=place) as written:  # on the same disk
+    made = made_folder(folder)
+    replaced = ", for an earlier one" if (made / ESTIMATE).exists() else ""
+    with TemporaryDirectory(prefix=".fgnav-", dir=made) as written:  # on the same disk
         save_estimate(estimate, flight, Path(written) / FILE)
         write_outcome(Path(written), estimate, flight.origin, alone.to_dict())
         for file in (FILE, ESTIMATE, SUMMARY):
-            (Path(written) / file).replace(place / file)
+            (Path(written) / file).replace(made / file)
     count = f"{len(estimate.t_s)} of {comparison.epochs} epochs"
-    return f"{name}: {count} in {place / ESTIMATE}{replaced}"
+    return f"{name}: {count} in {made / ESTIMATE}{replaced}"

@@ -44,7 +44,7 @@ def check_report(path: Path | None) -> None:
 
 
 def save_report(
-    comparison: Comparison, flight: Flight, path: Path | None, place: Path | None = None
+    comparison: Comparison, flight: Flight, path: Path | None, folder: Path | None = None
 ) -> list[Path]:
     """Write the report of a comparison; return its files, none where ``path`` is None.
 
@@ -66,7 +66,7 @@ def save_report(
         return []
     if not comparison.solved:
         raise BadInputError(f"{path}: no method has an estimate to report")
-    toml = None if place is None else files_of(place)[0]
+    toml = None if folder is None else files_of(folder)[0]
     source = "" if toml is None else toml.read_text(encoding="utf-8")
     seed = None if toml is None else _seed(toml.with_name(_DRAWN))
     return write(comparison_report(comparison, flight, seed=seed, source=source), path)
@@ -128,9 +128,9 @@ def _save_pngs(report: Report, path: Path) -> list[Path]:
     from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
 
     written = []
-    for place, part in enumerate(report.parts):
+    for index, part in enumerate(report.parts):
         for number, sheet in enumerate(sheets(report, part, _PICTURE, cut=True), 1):
-            name = (f"-{part.name}" if place else "") + (f"-{number}" if number > 1 else "")
+            name = (f"-{part.name}" if index else "") + (f"-{number}" if number > 1 else "")
             written.append(path.with_name(f"{path.stem}{name}{path.suffix}"))
             with atomic_file(written[-1]) as unfinished:
                 sheet.savefig(unfinished, format="png", dpi=_DOTS, metadata={"Software": _OURS})

@@ -56,9 +56,9 @@ class ArrayEpochs:
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "ArrayEpochs":
         """Return some of the epochs."""
-        whole = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
         common = ("antennas_b_m", "signals", "group", "wavelength_m")
-        return ArrayEpochs(**{k: v if k in common else v[rows] for k, v in whole.items()})
+        return ArrayEpochs(**{k: v if k in common else v[rows] for k, v in values.items()})
 
 
 def array_epochs(world: World, generator: np.random.Generator, count: int) -> ArrayEpochs:

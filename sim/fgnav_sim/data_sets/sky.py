@@ -61,22 +61,22 @@ def skies(world: World, runs: int, *, rng: np.random.Generator) -> Sky:
     BadInputError
         If a constellation has no built-in almanac.
     """
-    places_rng, choice_rng = rng.spawn(2)
-    series = _series(world, runs, rng=places_rng)
+    series_rng, choice_rng = rng.spawn(2)
+    series = _series(world, runs, rng=series_rng)
     satellites, moment, position_e_m = _positions(world, series.t_s)
     table = world.satellites
     parts: list[_Slots] = []
     for letter, signals in table.signals.items():
-        own = np.flatnonzero([name[0] == letter for name in satellites])
-        part = _constellation(
-            world, series, own, position_e_m[:, own], moment, rng=choice_rng.spawn(1)[0]
+        members = np.flatnonzero([name[0] == letter for name in satellites])
+        slots = _constellation(
+            world, series, members, position_e_m[:, members], moment, rng=choice_rng.spawn(1)[0]
         )
-        parts += [part] * len(signals)
-    width = [part.number.shape[1] for part in parts]
+        parts += [slots] * len(signals)
+    width = [slots.number.shape[1] for slots in parts]
     kinds = [(letter, s) for letter, signals in table.signals.items() for s in signals]
-    filled = np.concatenate([part.filled for part in parts], axis=1)[series.row]
-    e_n = np.concatenate([part.e_n for part in parts], axis=1)[series.row]
-    number = np.concatenate([part.number for part in parts], axis=1)[series.row]
+    filled = np.concatenate([slots.filled for slots in parts], axis=1)[series.row]
+    e_n = np.concatenate([slots.e_n for slots in parts], axis=1)[series.row]
+    number = np.concatenate([slots.number for slots in parts], axis=1)[series.row]
     elevation_rad = np.where(filled, np.arcsin(np.clip(-e_n[..., 2], -1, 1)), np.nan)
     return Sky(
         t_s=series.t_s.ravel()[series.row],
@@ -124,8 +124,8 @@ def _places(world: World, runs: int, *, rng: np.random.Generator) -> tuple[Float
         height_m = rng.uniform(*world.sites.height_m, runs)
     else:
         frame = world.sites.place.frame
-        place = [frame.latitude_rad, frame.longitude_rad, frame.height_m]
-        latitude, longitude, height_m = np.tile(place, (runs, 1)).T
+        site = [frame.latitude_rad, frame.longitude_rad, frame.height_m]
+        latitude, longitude, height_m = np.tile(site, (runs, 1)).T
     return ecef(latitude, longitude, height_m).reshape(-1, 3), ned_axes(latitude, longitude)
 
 
@@ -188,8 +188,8 @@ def _choose(
     if table.choose == "all":
         return above, _ALL
     length = series.t_s.shape[1]
-    turn = period(series.t_s)
-    begin = np.flatnonzero(np.diff(turn, axis=1, prepend=turn[:, :1] - 1).ravel())
+    number = period(series.t_s)
+    begin = np.flatnonzero(np.diff(number, axis=1, prepend=number[:, :1] - 1).ravel())
     low, high = table.choose if isinstance(table.choose, tuple) else (table.choose, table.choose)
     wanted = rng.integers(low, high, len(series.t_s), endpoint=True)[begin // length]
     candidates = lasting(above, begin, wanted)

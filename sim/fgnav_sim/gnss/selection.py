@@ -55,8 +55,8 @@ def lasting(above: BoolArray, begin: IntArray, wanted: int | IntArray) -> BoolAr
     wanted : int or ndarray of int, shape (k,)
     """
     stay = np.logical_and.reduceat(above, begin, axis=0)
-    enough = stay.sum(axis=1) >= wanted
-    return np.asarray(np.where(enough[:, None], stay, above[begin]))
+    is_sufficient = stay.sum(axis=1) >= wanted
+    return np.asarray(np.where(is_sufficient[:, None], stay, above[begin]))
 
 
 def best_geometry(towards: FloatArray, candidates: BoolArray, wanted: int | IntArray) -> BoolArray:

@@ -42,10 +42,10 @@ def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArr
     """Return all tables as one flat array; write where each starts, and its number of rows."""
     flat: list[FloatArray] = []
     start = 0
-    for name, part in parts.items():
-        body[name], body[f"{name}s"] = start, len(part[0])
-        flat += [table.ravel() for table in part]
-        start += sum(table.size for table in part)
+    for name, table_parts in parts.items():
+        body[name], body[f"{name}s"] = start, len(table_parts[0])
+        flat += [table.ravel() for table in table_parts]
+        start += sum(table.size for table in table_parts)
     return np.concatenate(flat)
 
 
@@ -107,13 +107,13 @@ def _coefficients(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     shape = vehicle.aerodynamics
     columns: dict[int, Column] = {}
     if shape is not None:
-        columns = {row: getattr(shape, name) for row, name in enumerate(shape.coefficients())}
+        columns = {index: getattr(shape, name) for index, name in enumerate(shape.coefficients())}
     if vehicle.canards is not None:
         columns[CANARD] = vehicle.canards.slope
     mach = np.array(shape.mach if shape is not None else (0.0,))
     values = np.zeros((len(mach), COEFFICIENTS))
-    for row, column in columns.items():
-        values[:, row] = column
+    for index, column in columns.items():
+        values[:, index] = column
     if len(mach) == 1:
         table = np.zeros((1, 4, COEFFICIENTS))
         table[0, 3] = values[0]

@@ -52,7 +52,7 @@ class Planet(Table, frozen=True):
             ]
         )
 
-    def turn(self, t_s: FloatArray) -> FloatArray:
+    def R_ei(self, t_s: FloatArray) -> FloatArray:
         """Return R_ei, (m, 3, 3)."""
         angle = self.rate_radps * t_s
         R = np.zeros((len(t_s), 3, 3))

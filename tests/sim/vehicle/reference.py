@@ -54,7 +54,7 @@ def geodetic_on(planet, p_e_m):
 
 def position_e_m(flown):
     """Return ECEF positions of the centre of mass, (m, 3)."""
-    turn = flown.planet.turn(flown.t_s)
+    turn = flown.planet.R_ei(flown.t_s)
     return np.einsum("mij,mj->mi", turn, flown.y[:, P : P + 3])
 
 
@@ -65,7 +65,7 @@ def places(flown):
 
 def rotation_eb(flown):
     """Return R_eb, (m, 3, 3)."""
-    return flown.planet.turn(flown.t_s) @ rotations_of(flown.y[:, Q : Q + 4])
+    return flown.planet.R_ei(flown.t_s) @ rotations_of(flown.y[:, Q : Q + 4])
 
 
 def euler_rad(flown):
@@ -77,7 +77,7 @@ def velocity_e_mps(flown):
     """Return velocities against the Earth in ECEF axes, (m, 3)."""
     p_i_m, v_i_mps = flown.y[:, P : P + 3], flown.y[:, V : V + 3]
     v_i_mps = v_i_mps - np.cross(flown.planet.rate_i_radps, p_i_m)
-    return np.einsum("mij,mj->mi", flown.planet.turn(flown.t_s), v_i_mps)
+    return np.einsum("mij,mj->mi", flown.planet.R_ei(flown.t_s), v_i_mps)
 
 
 def rate_ib_b_radps(flown):

@@ -53,11 +53,11 @@ def error_charts(methods: Sequence[Method], time: Span) -> Blocks:
             for title, y, line in by_component
         ]
         blocks += grid(time_charts(together, time, around_zero))
-        apart = []
+        by_method = []
         for name, by_component in series.items():
             named = ((f"{name}: {title}", y, line) for title, y, line in by_component)
-            apart += grid(time_charts(named, time, around_zero))
-        blocks += folded(f"{of.name}: each method with its own ±3σ", apart)
+            by_method += grid(time_charts(named, time, around_zero))
+        blocks += folded(f"{of.name}: each method with its own ±3σ", by_method)
     return paragraph(_EXPLANATION) + blocks if blocks else []
 
 

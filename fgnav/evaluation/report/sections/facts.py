@@ -27,9 +27,16 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
         for a, b in _gaps(method.estimate.t_s)
     ]
     excluded = [
-        [m.name, one.what, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", one.reason]
+        [
+            m.name,
+            rejected.what,
+            rejected.link,
+            f"{rejected.from_s:.2f}",
+            f"{rejected.until_s:.2f}",
+            rejected.reason,
+        ]
         for m in methods
-        for one in m.rejections
+        for rejected in m.rejections
     ]
     lost = [
         [of, loss.what, str(loss.count), loss.reason]
@@ -37,7 +44,7 @@ def gaps_and_exclusions(flight: Flight, methods: Sequence[Method]) -> Blocks:
             "flight": flight.unused,
             **{m.name: m.score.unused for m in methods},
         }.items()
-        for loss in sorted(unused, key=lambda one: -one.count)
+        for loss in sorted(unused, key=lambda loss: -loss.count)
     ]
     by_link = ["method", "measurement", "link", "from, s", "until, s", "reason"]
     unused = table(["of", "what", "times", "reason"], lost, "measured and not used", _MOST)
@@ -59,11 +66,14 @@ def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
 def constants_table(methods: Sequence[Method]) -> Blocks:
     """Return what was estimated with the flight and holds for all of it."""
     rows = [
-        [method.name, one.name, axis, f"{value:.6g}", f"{sigma:.3g}", one.unit]
+        [method.name, constant.name, axis, f"{value:.6g}", f"{sigma:.3g}", constant.unit]
         for method in methods
-        for one in method.solution.calibration
+        for constant in method.solution.calibration
         for axis, value, sigma in zip(
-            one.axes, one.value.tolist(), np.sqrt(np.diag(one.covariance)).tolist(), strict=True
+            constant.axes,
+            constant.value.tolist(),
+            np.sqrt(np.diag(constant.covariance)).tolist(),
+            strict=True,
         )
     ]
     return table(["method", "constant", "axis", "value", "1σ", "unit"], rows)
@@ -76,8 +86,8 @@ def set_up(flight: Flight) -> Blocks:
         rows += _fields_of(name, getattr(flight, name))
     rows.append(["elevation mask", f"{np.degrees(flight.elevation_mask_rad):.1f} deg", ""])
     for antenna in flight.antennas:
-        place = f"{antenna.position_b_m.tolist()} m, body axes"
-        rows.append([f"antenna {antenna.name}", place, ""])
+        position = f"{antenna.position_b_m.tolist()} m, body axes"
+        rows.append([f"antenna {antenna.name}", position, ""])
     if flight.observations is not None:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
@@ -94,17 +104,17 @@ def _fields_of(owner: str, record: Any) -> Iterator[list[str]]:  # noqa: ANN401 
     """Yield numbers and short vectors of a record by name."""
     if not is_dataclass(record):
         return
-    for one in fields(record):
-        value = getattr(record, one.name)
+    for field in fields(record):
+        value = getattr(record, field.name)
         if isinstance(value, np.ndarray) and value.shape == (3,):
             text = str(value.tolist())
         elif isinstance(value, bool | int | float | str):
             text = f"{value:.9g}" if isinstance(value, float) else str(value)
         else:
             continue
-        is_usual = one.name in getattr(record, "unstated", ())
+        is_usual = field.name in getattr(record, "unstated", ())
         remark = "not stated by the flight: the usual figure" if is_usual else ""
-        yield [f"{owner} {one.name}", text, remark]
+        yield [f"{owner} {field.name}", text, remark]
 
 
 def _series(t_s: FloatArray) -> str:
@@ -117,5 +127,5 @@ def _series(t_s: FloatArray) -> str:
 def versions() -> Blocks:
     """Return who computed this."""
     rows = [["Python", platform.python_version()]]
-    rows += [[name, one.version] for name in _PACKAGES for one in distributions(name=name)]
+    rows += [[name, package.version] for name in _PACKAGES for package in distributions(name=name)]
     return table(["package", "version"], rows)

@@ -58,7 +58,7 @@ class _States(NamedTuple):
 def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
     """Return the motion in time, and the ground track."""
     states = list(_states(flight, methods))
-    series = [one for state in states for one in _series(flight, state)]
+    series = [line for state in states for line in _series(flight, state)]
     tracks = []
     for state in states:
         if state.p_n_m is not None and np.isfinite(state.p_n_m).any():
@@ -125,7 +125,11 @@ def _rates_and_biases(flight: Flight, methods: Sequence[Method]) -> Series:
     for name, unit, field, covariance in _RATES:
         scale = 180 / np.pi if unit == "deg/s" else 1.0
         estimates = {m.name: m.solution for m in methods}
-        has = {of: one for of, one in estimates.items() if getattr(one, field) is not None}
+        has = {
+            of: estimate
+            for of, estimate in estimates.items()
+            if getattr(estimate, field) is not None
+        }
         for k, axis in enumerate("xyz"):
             for of, estimate in has.items():
                 spread = sigmas(getattr(estimate, covariance, None))

@@ -75,8 +75,8 @@ def _of_code(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, _
             continue
         rows, answers = common_epochs(observed.t_s, estimate.t_s)
         antenna_n_m = p_n_m[answers] + estimate.R_nb[answers] @ arm_b_m
-        apart_n_m = antenna_n_m - observed.place_n_m[rows]
-        left_m = observed.code_m[rows] + np.einsum("kmi,ki->km", observed.e_n[rows], apart_n_m)
+        baseline_n_m = antenna_n_m - observed.place_n_m[rows]
+        left_m = observed.code_m[rows] + np.einsum("kmi,ki->km", observed.e_n[rows], baseline_n_m)
         _take_off_means(left_m[:, None], observed.group)
         yield name, _rms(observed.satellites, observed.signals, left_m)
 
