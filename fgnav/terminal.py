@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
+    from fgnav.evaluation.report.parts import Blocks
 
 _LOG = logging.getLogger("fgnav")
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
@@ -193,12 +194,18 @@ def check_outputs(
                 raise BadInputError(f"{path}: is a file of the flight itself; name another")
 
 
+def show_blocks(blocks: "Blocks") -> None:
+    """Print tables and paragraphs of a report."""
+    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415  # lazy, like all below
+
+    print("\n".join(text_lines(blocks, width())))
+
+
 def show_comparison(comparison: "Comparison") -> None:
     """Print the table of a comparison and what is to be said of it."""
     from fgnav.evaluation.report.summary import method_table, remarks  # noqa: PLC0415
-    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415
 
-    print("\n".join(text_lines([method_table(comparison)], width())))
+    show_blocks([method_table(comparison)])
     show_lines(remarks(comparison))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
@@ -107,6 +107,23 @@ class Comparison:
         """Methods that have an estimate."""
         return [method for method in self.methods if method.estimate is not None]
 
+    @property
+    def failure(self) -> str | None:
+        """Why no method has a solution; None where one has."""
+        if self.solved:
+            return None
+        failures = "; ".join(f"{m.name}: {m.score.failure}" for m in self.methods)
+        return f"no method has a solution: {failures}"
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Methods that found inconsistent measurements, with the sensors."""
+        return [
+            f"{method.name}: {', '.join(dict.fromkeys(v.sensor for v in method.score.verdicts))}"
+            for method in self.methods
+            if method.score.verdicts
+        ]
+
     def __getitem__(self, name: str) -> Method:
         """Return the method of that name."""
         for method in self.methods:
@@ -145,24 +162,6 @@ class Comparison:
         return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
 
 
-@runtime_checkable
-class SharesPreparation(Protocol):
-    """An estimator whose work on a flight begins with a part that others may share."""
-
-    @property
-    def preparation(self) -> Hashable:
-        """What decides that part: estimators that agree in it share it."""
-        ...
-
-    def prepare(self, flight: Flight) -> Any:  # noqa: ANN401
-        """Do that part."""
-        ...
-
-    def estimate_prepared(self, flight: Flight, prepared: Any) -> Estimate:  # noqa: ANN401
-        """Do the rest."""
-        ...
-
-
 Watch = Callable[[str], AbstractContextManager[object]]
 
 
@@ -179,8 +178,8 @@ def compare(
     flight : Flight
     estimators : sequence of Estimator
         Anything with a ``name`` that turns a flight into an estimate. Names must differ. Those with
-        a ``preparation`` (see ``SharesPreparation``) share it where it is the same; it counts in
-        the time of each.
+        an equal ``preparation`` share what their ``prepare(flight)`` returns, to which each applies
+        its ``estimate_prepared(flight, prepared)``; it counts in the time of each.
     watch : callable
         From an estimator's name to a context that it runs in, for progress.
 
@@ -257,7 +256,9 @@ class _Outcome(NamedTuple):
 
 
 def _run(
-    flight: Flight, estimator: Estimator, prepared_by_key: dict[Hashable, _Outcome]
+    flight: Flight,
+    estimator: Any,
+    prepared_by_key: dict[Hashable, _Outcome],  # noqa: ANN401
 ) -> _Outcome:
     """Return the outcome of a method, on a flight of its own.
 
@@ -265,9 +266,9 @@ def _run(
     that nobody is faster for coming later. Compiling kernels, half a minute once after an install,
     is in nobody's time.
     """
-    if not isinstance(estimator, SharesPreparation):
+    key = getattr(estimator, "preparation", None)
+    if key is None:
         return _timed(lambda: estimator(flight))
-    key = estimator.preparation
     try:
         hash(key)
     except TypeError:  # settings that do not hash are nobody else's

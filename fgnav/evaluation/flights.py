@@ -56,6 +56,23 @@ class FlightsComparison:
         """Return which methods ran on how many flights."""
         return f"<FlightsComparison: {', '.join(self.methods)} on {len(self.flights)} flights>"
 
+    @property
+    def failure(self) -> str | None:
+        """Why no method has a solution of any flight; None where one has."""
+        if any(outcome.figures for outcome in self.flights):
+            return None
+        why = self.flights[0].failure or "; ".join(self.flights[0].failures.values())
+        return f"no method has a solution of any flight, of the first: {why}"
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Flights whose measurements some method found inconsistent."""
+        return [
+            outcome.flight
+            for outcome in self.flights
+            if any(method.get("verdicts") for method in outcome.detail.get("methods", {}).values())
+        ]
+
     def figure(self, name: str, method: str) -> FloatArray:
         """Return a figure of each flight, (n,); NaN where a method has none."""
         return np.array(

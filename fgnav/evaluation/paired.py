@@ -91,20 +91,15 @@ def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> In
         Whether it is itself a root mean square, whose squares are averaged.
     """
     finite = figure[np.isfinite(figure)][None]
-    return _interval(finite, _log_rms, rng, np.exp) if squared else _interval(finite, _mean, rng)
+    if not squared:
+        return _interval(finite, _mean, rng)
+    return _interval(np.concatenate([finite, np.ones_like(finite)]), _log_ratio, rng, np.exp)
 
 
 def _mean(samples: FloatArray) -> _Statistic:
     """Return mean and standard error of (1, ..., n)."""
     x = samples[0]
     return _Statistic(x.mean(axis=-1), _error(x))
-
-
-def _log_rms(samples: FloatArray) -> _Statistic:
-    """Return the log of the root mean square of (1, ..., n), and its standard error."""
-    square = samples[0] ** 2
-    mean = square.mean(axis=-1)
-    return _Statistic(np.log(mean) / 2, _error(square) / (2 * mean))
 
 
 def _log_ratio(samples: FloatArray) -> _Statistic:

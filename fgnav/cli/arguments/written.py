@@ -7,28 +7,23 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fgnav.evaluation.comparison import Comparison
+    from fgnav.evaluation.flights import FlightsComparison
     from fgnav.types.flight import Flight
 
 
-def fail_if_inconsistent(comparison: "Comparison", *, strict: bool) -> None:
+def fail_if_inconsistent(comparison: "Comparison | FlightsComparison", *, strict: bool) -> None:
     """Raise if estimates are to be consistent and some are not.
 
     Raises
     ------
     NoSolutionError
-        Naming the methods, and the sensors that contradict the others.
+        Naming the methods and the sensors that contradict the others, or the flights.
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
 
-    inconsistent = [
-        f"{method.name}: {', '.join(dict.fromkeys(v.sensor for v in method.score.verdicts))}"
-        for method in comparison.methods
-        if method.score.verdicts
-    ]
-    if strict and inconsistent:
-        raise NoSolutionError(
-            f"--strict: measurements contradict each other: {'; '.join(inconsistent)}"
-        )
+    if strict and comparison.contradictions:
+        named = "; ".join(comparison.contradictions)
+        raise NoSolutionError(f"--strict: measurements contradict each other: {named}")
 
 
 def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
