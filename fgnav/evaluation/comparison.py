@@ -257,8 +257,8 @@ class _Outcome(NamedTuple):
 
 def _run(
     flight: Flight,
-    estimator: Any,
-    prepared_by_key: dict[Hashable, _Outcome],  # noqa: ANN401
+    estimator: Any,  # noqa: ANN401  # may have more than an Estimator
+    prepared_by_key: dict[Hashable, _Outcome],
 ) -> _Outcome:
     """Return the outcome of a method, on a flight of its own.
 

@@ -16,7 +16,6 @@ from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
 from fgnav_sim.gnss.tables import (
     BaselineTable,
-    ClockTable,
     GnssTable,
     Height,
     Latitude,
@@ -51,21 +50,6 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
 _GPS_EPOCH: datetime = GPS_EPOCH.item()  # GPS time has no time zone
 _ON_EARTH = ("gnss", "imu", "photodetector", "barometer")  # sensors that know the WGS-84 Earth
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
-
-__all__ = [
-    "PAPER_ANTENNAS_B_M",
-    "BaselineTable",
-    "ClockTable",
-    "FixesTable",
-    "GnssTable",
-    "ImuTable",
-    "OcclusionTable",
-    "OpticsTable",
-    "PhotodetectorTable",
-    "Place",
-    "Scenario",
-    "load_scenario",
-]
 
 
 class Place(Point, frozen=True):

@@ -17,9 +17,9 @@ from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
 from fgnav_sim.gnss.fixes import baseline, fix
 from fgnav_sim.gnss.receiver import observe
-from fgnav_sim.gnss.tables import antenna_names
+from fgnav_sim.gnss.tables import GnssTable, antenna_names
 from fgnav_sim.propagation.message_errors import with_message_errors
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.sensors import detector, inertial
 from fgnav_sim.sensors.surroundings import point, press
 from fgnav_sim.vehicle.tables import Vehicle

@@ -148,6 +148,11 @@ gravity = 'j2'
 air = false
 gusts = { sigma_mps = 1.0 }
     flown.gusts: need air = true
+vehicle = "rigid_body"
+attitude = {}
+    flown.attitude: needs a vehicle with a table \[autopilot\]
+vehicle = "none.toml"
+    flown.vehicle: no such file
 wind = { height_m = [1.0, 0.0] }
     flown.wind.height_m: must increase, row 1 has 0 after 1
 wind = { height_m = [] }
@@ -264,7 +269,9 @@ def test_a_bad_flown_scenario_is_refused_in_one_line(tmp_path, text, message):
     lines = text.split("\n")
     above = [line for line in lines if line.startswith(ABOVE)]
     inside = [line for line in lines if not line.startswith(ABOVE)]
-    whole = "\n".join([*above, FLOWN, *inside])
+    given = {line.partition(" ")[0] for line in inside}
+    flown = [line for line in FLOWN.splitlines() if line.partition(" ")[0] not in given]
+    whole = "\n".join([*above, *flown, *inside])
     assert_refused(load_scenario, tmp_path / "flown.toml", whole, message)
 
 

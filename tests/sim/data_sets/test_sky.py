@@ -15,8 +15,9 @@ from fgnav_sim.data_sets.world import (
     World,
 )
 from fgnav_sim.gnss.constellation import built_in_orbits, built_in_positions
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Straight
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 START_GPS_S = 1_277_078_400.0

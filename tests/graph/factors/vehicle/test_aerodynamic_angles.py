@@ -12,8 +12,9 @@ from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.types.vehicle import FinnedVehicle
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, Scenario, load_scenario
+from fgnav_sim.scenario import FixesTable, ImuTable, Scenario, load_scenario
 from fgnav_sim.simulate import simulate
 
 SWING_DEG = 8.0  # the largest of a drawn amplitude: sigma is that of its sine, over all draws
