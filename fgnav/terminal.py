@@ -64,16 +64,6 @@ def progress(steps: int) -> "Iterator[Steps]":
 
 
 @contextmanager
-def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
-    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
-    with _bars() as shown:
-        task = shown.add_task(name, total=None)
-        yield lambda done, asked: shown.update(
-            task, description=f"{name}: {done} of {asked}", completed=done, total=asked
-        )
-
-
-@contextmanager
 def _bars() -> "Iterator[Progress]":
     """Show bars on a terminal while this lasts, and one that counts kernels while they compile."""
     from rich.console import Console  # noqa: PLC0415  # lazy: keeps the command line quick

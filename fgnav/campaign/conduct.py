@@ -1,7 +1,6 @@
 """A campaign from its order to its tables."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -14,8 +13,8 @@ from fgnav.campaign.report import write_report
 from fgnav.campaign.tables import write_tables
 from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.report.parts import Report
+from fgnav.progress import report
 
-Watch = Callable[[int, int], None]
 _KINDS = 5  # of failures that are named
 
 
@@ -33,14 +32,7 @@ class Outcome:
     files: tuple[Path, ...] = field(default=())
 
 
-def conduct(
-    order: Order,
-    out: Path,
-    engine: Engine,
-    *,
-    resume: bool = False,
-    watch: Watch = lambda _done, _ordered: None,
-) -> Outcome:
+def conduct(order: Order, out: Path, engine: Engine, *, resume: bool = False) -> Outcome:
     """Fly all runs of an order that are not there yet; write their files, tables and report.
 
     Parameters
@@ -49,8 +41,6 @@ def conduct(
         Folder for all that.
     resume : bool
         Whether to go on where an earlier call stopped.
-    watch : callable
-        Told how many runs are done, and of how many.
 
     Raises
     ------
@@ -60,25 +50,24 @@ def conduct(
     check_order(order)
     folder = Folder(out, order, resume=resume)
     todo = folder.missing()
-    ordered, flown, unwritten = order.count, 0, Counter[str]()
-    watch(ordered - len(todo), ordered)
+    flown, unwritten = 0, Counter[str]()
     for run, record in engine(partial(_fly, order), todo, partial(_lost, order)):
         flown += 1
         try:
             folder.keep(run, record)
         except BadInputError as error:
             unwritten[str(error).partition(": ")[2]] += 1
-        watch(ordered - len(todo) + flown, ordered)
+        report(1.0 - (len(todo) - flown) / order.count)
     files = write_tables(order, folder, out)
-    text, report = write_report(order, folder, out)
+    text, page = write_report(order, folder, out)
     failures = Counter(record["failure"] for record in folder)
     return Outcome(
-        asked=ordered,
+        asked=order.count,
         kept=failures.total(),
         flown=flown,
         unused=(*_failures(failures), *_unused("run not kept", unwritten)),
         text=text,
-        report=report,
+        report=page,
         files=files,
     )
 

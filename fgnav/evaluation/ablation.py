@@ -151,10 +151,6 @@ def _no_baselines(flight: Flight) -> Flight | None:
     )
 
 
-def _no_networks(flight: Flight) -> Flight | None:
-    return replace(flight, networks=()) if flight.networks else None
-
-
 KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "baselines": _no_baselines,
     "phase": _unmeasured("phase_cycles"),
@@ -167,5 +163,5 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
     "vehicle": _none("vehicle"),
-    "networks": _no_networks,
+    "networks": _none("networks"),
 }
