@@ -20,7 +20,7 @@ _KINDS = 5  # of failures that are named
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a campaign."""
+    """Outcome of a campaign."""
 
     # asked, kept, flown: runs of the order, those with a file now, those flown by this call
     asked: int

@@ -1,4 +1,4 @@
-"""Who works runs off: processes on this machine, or a dask cluster that is there already.
+"""Execution of runs: processes on this machine, or a dask cluster that is there already.
 
 Both take a function and arguments and yield results as they come. A worker that dies takes nothing
 with it but the run it was at, which is tried again; a run that kills three is given up.
@@ -33,7 +33,7 @@ _ONE_THREAD = dict.fromkeys(
 
 
 class Engine(Protocol):
-    """What turns tasks into results, in whatever order they come."""
+    """Function from tasks to results, in whatever order they come."""
 
     def __call__(
         self, work: Callable[[T], R], tasks: Iterable[T], lost: Callable[[T], R]

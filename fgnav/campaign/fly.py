@@ -19,7 +19,7 @@ _TEXT = 200  # characters of a failure that are kept
 
 
 class FlightSource(Protocol):
-    """What makes flights whose truth is known."""
+    """Simulator of flights whose truth is known."""
 
     def check(self, scenario: str, changes: Mapping[str, Any]) -> None:
         """Raise ``BadInputError`` unless a scenario, so changed, can be flown."""
@@ -90,7 +90,7 @@ def check_order(order: Order) -> None:
 
 
 def fly(order: Order, run: Run) -> Record:
-    """Return what every method made of one flight: plain types, NaN as None.
+    """Return the record of every method on one flight: plain types, NaN as None.
 
     A flight that cannot be made, and an error nobody foresaw, are a record of why.
     """

@@ -1,4 +1,4 @@
-"""What a campaign leaves on disk: its order, and a file for each run, whole or not there."""
+"""Files of a campaign: its order, and one of each run, whole or not there."""
 
 from collections.abc import Iterator
 from pathlib import Path

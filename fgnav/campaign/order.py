@@ -1,4 +1,4 @@
-"""What a campaign file may say, and the flights of it, each with a seed of its own."""
+"""Format of a campaign file, and its flights, each with a seed of its own."""
 
 import zlib
 from collections.abc import Iterator, Mapping
@@ -35,7 +35,7 @@ class MethodTable(Table, frozen=True):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return self.name or self.method
 
 
@@ -56,7 +56,7 @@ class SweepTable(Table, frozen=True):
                 raise ValueError(f"keys.{key}: wants true or {len(self.values)} values")
 
     def changes(self, column: int) -> dict[str, Any]:
-        """Return what a column changes, by dotted key."""
+        """Return the values of a column by dotted key."""
         own = {k: self.values if v is True else v for k, v in self.keys.items()}
         return {key: values[column] for key, values in own.items() if not isinstance(values, bool)}
 
@@ -75,7 +75,7 @@ class CaseTable(Table, frozen=True):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return f"{self.name}, {self.condition}" if self.condition else self.name
 
     @property
@@ -114,7 +114,7 @@ class Order(Table, frozen=True):
 
     @property
     def titles(self) -> list[str]:
-        """What tables call the methods, in order."""
+        """Names of the methods in tables, in order."""
         return [method.title for method in self.method]
 
     @property
@@ -162,7 +162,7 @@ def runs_of(order: Order) -> Iterator[Run]:
 
 
 def seed_of(order: Order, run: Run) -> np.random.SeedSequence:
-    """Return what a run's random numbers grow from.
+    """Return the seed of a run's random numbers.
 
     Named by the case's name, the flight's number and the root alone: columns of a sweep share
     their draws, so that they differ by what is swept, and so do conditions; cases added later

@@ -1,4 +1,4 @@
-"""What a campaign amounts to, as text: each figure with its interval, each method against one."""
+"""Report of a campaign: each figure with its interval, each method against one."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
@@ -142,7 +142,7 @@ def _swept_alike(order: Order) -> list[list[int]]:
 
 
 def _sweep(order: Order, table: Table, cases: list[int]) -> tuple[str, Blocks, list[Chart]]:
-    """Return what was swept; a table for each angle, values from left to right; their charts.
+    """Return the name of the sweep, a table for each angle, and their charts.
 
     A row for each method and case, then their average; last what methods amount to over all
     angles, values and cases.

@@ -92,7 +92,7 @@ def check_kinds(kinds: Sequence[str]) -> None:
 
 
 def _none(name: str) -> Callable[[Flight], Flight | None]:
-    """Return what takes a whole record away."""
+    """Return the function that removes a whole record."""
 
     def less(flight: Flight) -> Flight | None:
         record = getattr(flight, name)
@@ -103,7 +103,7 @@ def _none(name: str) -> Callable[[Flight], Flight | None]:
 
 
 def _unmeasured(name: str) -> Callable[[Flight], Flight | None]:
-    """Return what takes one kind of GNSS observation away, of vehicle and base."""
+    """Return the function that removes one kind of GNSS observation, of vehicle and base."""
 
     def less(flight: Flight) -> Flight | None:
         observations, base = flight.observations, flight.base

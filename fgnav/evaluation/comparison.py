@@ -21,7 +21,7 @@ from fgnav.types.summaries import summary, summary_html
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Method:
-    """What one method did: its figures, its estimate and its errors."""
+    """Figures, estimate and errors of one method."""
 
     name: str
     score: Score
@@ -137,7 +137,7 @@ class Comparison:
         return summary(self)
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the summary for a notebook."""
         return summary_html(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -248,7 +248,7 @@ def _counted(truth: Truth | None) -> tuple[str, ...]:
 
 
 class _Outcome(NamedTuple):
-    """What a piece of work yields or why it has no solution, and its wall time."""
+    """Result of a piece of work, or why it has no solution, and its wall time."""
 
     value: Any
     seconds: float
@@ -304,7 +304,7 @@ def _judge(
     differences: DoubleDifferences | None,
     right: Integers | None,
 ) -> Method:
-    """Return what a method did, its figures against the truth included."""
+    """Return the figures, estimate and errors of a method's outcome."""
     estimate, seconds, failure = outcome
     if estimate is None:
         return Method(name=name, score=Score(seconds=seconds, failure=failure))

@@ -1,4 +1,4 @@
-"""What one method made of one flight, as a row of a table: the figures that statistics rest on."""
+"""Figures of one method on one flight, by name: statistics over flights rest on them."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -76,7 +76,7 @@ def _figures(method: Method) -> dict[str, float]:
 
 
 def _value(score: Score, path: str) -> float:
-    """Return what a score has at a path of attributes; NaN where it has nothing."""
+    """Return the value at a path of attributes of a score; NaN where there is none."""
     value: Any = score
     for name in path.split("."):
         value = getattr(value, name, None)

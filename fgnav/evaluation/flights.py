@@ -22,7 +22,7 @@ BOOTSTRAP_SEED = 0x5EED  # intervals are the same whenever the flights are
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOutcome:
-    """What all methods made of one flight."""
+    """Figures of all methods on one flight."""
 
     flight: str  # what tables call it: its folder
     # by method and name of ``FIGURES``; empty where the flight came to nothing
@@ -53,7 +53,7 @@ class FlightsComparison:
     flights: tuple[FlightOutcome, ...]
 
     def __repr__(self) -> str:
-        """Return which methods ran on how many flights."""
+        """Return the names of the methods and the number of flights."""
         return f"<FlightsComparison: {', '.join(self.methods)} on {len(self.flights)} flights>"
 
     @property

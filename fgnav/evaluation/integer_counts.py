@@ -15,7 +15,7 @@ from fgnav.types.integers import Integers
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegerCounts:
-    """What became of the links that carry an unknown integer, summed over all epochs.
+    """Counts of links with an unknown integer, summed over all epochs.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """What a method gains against another one, on the flights that both have."""
+    """Gain of a method over another one, on the flights that both have."""
 
     flights: int  # pairs
     unpaired: int  # flights that one of both has no figure of: they are in no other number here
@@ -41,7 +41,7 @@ class Paired:
 
     @property
     def is_significant(self) -> bool:
-        """Whether both the interval of the ratio and the test leave chance out, at 5 %."""
+        """True if both the interval of the ratio and the test exclude chance, at 5 %."""
         return self.p_value < 1 - _LEVEL and not self.ratio.low <= 1 <= self.ratio.high
 
 

@@ -91,7 +91,7 @@ def _written(what: "Scenario", seed: int, folder: Path) -> Summary:
 
 
 def _summary(made: "Simulated", seed: int) -> Summary:
-    """Return what was made, in the order in which it is shown."""
+    """Return the contents of a flight, in the order in which they are shown."""
     flight = made.flight
     summary: Summary = {"flight": "", "name": flight.name, "seed": seed}
     if flight.truth is not None:
@@ -112,7 +112,7 @@ def _summary(made: "Simulated", seed: int) -> Summary:
 
 
 def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
-    """Return what was made in a batch: what the first flight holds, all the others do too."""
+    """Return the contents that all flights of a batch share."""
     first, last = summaries[0], summaries[-1]
     seeds = f"{first['seed']} to {last['seed']}"
     batch: Summary = {

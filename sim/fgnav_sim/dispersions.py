@@ -19,7 +19,7 @@ _NOT_DRAWN = ("dispersions", "duration_s")  # flights of a batch are of one leng
 
 
 class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a value is drawn; just a number is ``{ sigma = number }``.
+    """Distribution of a value; just a number is ``{ sigma = number }``.
 
     One figure moves a whole list by one draw, as thrust or a coefficient errs for all times or
     Mach numbers together; a list of figures moves each element by a draw of its own.
@@ -40,13 +40,13 @@ class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def figure(self) -> FloatArray:
-        """What was given of both, () or (k,)."""
+        """The one given of both, () or (k,)."""
         return np.asarray(self.relative if self.sigma is None else self.sigma, dtype=float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """What a key became in one flight."""
+    """Value of a key in one flight."""
 
     key: str
     nominal: Numbers

@@ -163,7 +163,7 @@ class State:
     def specific_force_b_mps2(
         self, origin: Origin, lever_b_m: FloatArray, model: GravityModel
     ) -> FloatArray:
-        """Return what an ideal accelerometer at a point of the body feels, body axes, (n, 3).
+        """Return the specific force at a point of the body, body axes, (n, 3).
 
         ``f = R_bn (a + 2 omega_ie x v - g(p))`` with position, velocity and acceleration of the
         accelerometer itself against the turning Earth, so that ``g`` holds the whole centrifugal
@@ -188,7 +188,7 @@ class Trajectory(Protocol):
 
 
 class Motion(Table, frozen=True):
-    """Where the body flies and how it is turned: a path, and one command per Euler angle."""
+    """Path of the body, and one command per Euler angle."""
 
     position_n_m: Vector = (0.0, 0.0, 0.0)  # where the path starts
     path: Track = Straight()

@@ -27,7 +27,7 @@ def check_ranges(table: Table, *names: str, zero: bool = False) -> None:
 
 
 def uniform(rng: np.random.Generator) -> Draw:
-    """Return what draws from ranges, all figures alike likely."""
+    """Return the function that draws uniformly from ranges."""
     return lambda limits: float(rng.uniform(*limits))
 
 

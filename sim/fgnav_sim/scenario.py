@@ -1,4 +1,4 @@
-"""What a scenario file may say, with every default and rule."""
+"""Format of a scenario file, with every default and rule."""
 
 import math
 from datetime import datetime

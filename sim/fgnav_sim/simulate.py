@@ -68,7 +68,7 @@ def simulate_dispersed(scenario: Scenario, rng: np.random.Generator) -> Simulate
 
 
 def _finned(scenario: Scenario) -> FinnedVehicle | None:
-    """Return what a flight states of its vehicle: that fins hold it in the air, if any do."""
+    """Return the vehicle model of a flight with fins; None without."""
     flown = scenario.flown
     if flown is None or not isinstance(flown.vehicle, Vehicle) or flown.vehicle.fins is None:
         return None
@@ -76,7 +76,7 @@ def _finned(scenario: Scenario) -> FinnedVehicle | None:
 
 
 def _sensed(scenario: Scenario, rngs: Sequence[np.random.Generator]) -> Flight:
-    """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
+    """Return the measurements of a scenario's sensors; each has its place in rngs."""
     (
         gnss_rng,
         imu_rng,
@@ -184,7 +184,7 @@ def _orbits(
 
 
 def _noise(gnss: GnssTable) -> GnssNoise:
-    """Return what estimators are told of a link: its noise and echoes from anywhere together."""
+    """Return the nominal noise of a link: its noise and multipath from anywhere together."""
     echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
     rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(

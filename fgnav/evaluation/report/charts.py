@@ -34,7 +34,7 @@ _LETTER, _ROW = 3.7, 7.0  # width of a letter; height of a row
 
 
 class Style(NamedTuple):
-    """How a line is drawn; ``group`` names those of a method, which a page can hide."""
+    """Colour and dashes of a line; ``group`` names those of a method, which a page can hide."""
 
     colour: str
     dashes: Literal["-", "--"] = "-"
@@ -120,7 +120,7 @@ class Chart:
 
     @property
     def description(self) -> str:
-        """What is drawn, in words."""
+        """Content of the figure in words."""
         names = dict.fromkeys([*(line.name or line.style for line in self.lines), *self.rows])
         return f"{self.title}: {self.y} by {self.x}; {', '.join(names)}"
 
@@ -213,7 +213,7 @@ def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
 
 
 def is_rough(values: FloatArray) -> bool:
-    """Return whether (n, 3) values change from epoch to epoch by about as much as white noise."""
+    """Return True if (n, 3) values change from epoch to epoch about as much as white noise."""
     finite = values[:, np.isfinite(values).all(axis=0)]
     if len(finite) < 3 or not finite.any():
         return False

@@ -74,7 +74,7 @@ def comparison_report(
 
 
 def source_of(folder: Path) -> dict[str, Any]:
-    """Return what ``comparison_report`` quotes of the folder that a flight was read from."""
+    """Read seed and text of a flight's folder for ``comparison_report`` to quote."""
     toml = files_of(folder)[0]
     try:
         seed = json.loads(toml.with_name(_DRAWN).read_text(encoding="utf-8"))["seed"]

@@ -51,7 +51,7 @@ def flights_report(comparison: FlightsComparison) -> Report:
 
 
 def on_screen(comparison: FlightsComparison) -> Blocks:
-    """Return what a terminal shows of several flights."""
+    """Return the tables of several flights for a terminal."""
     rows = [
         [
             outcome.flight,
@@ -116,7 +116,7 @@ def _count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
 
 
 def paired(comparison: FlightsComparison) -> Blocks:
-    """Return what each method gains against the first one, flight by flight."""
+    """Return the gain of each method over the first one, flight by flight."""
     rows = []
     for name in PAIRED:
         for method in comparison.methods[1:]:

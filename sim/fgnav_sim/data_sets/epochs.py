@@ -55,7 +55,7 @@ class ArrayEpochs:
         return len(self.t_s)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "ArrayEpochs":
-        """Return some of the epochs."""
+        """Select epochs."""
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         common = ("antennas_b_m", "signals", "group", "wavelength_m")
         return ArrayEpochs(**{k: v if k in common else v[rows] for k, v in values.items()})

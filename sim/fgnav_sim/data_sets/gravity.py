@@ -35,7 +35,7 @@ class GravityEpochs:
         return len(self.t_s)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "GravityEpochs":
-        """Return some of the windows."""
+        """Select windows."""
         return GravityEpochs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @classmethod

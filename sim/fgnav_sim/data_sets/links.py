@@ -1,4 +1,4 @@
-"""What disturbs the links of a data set: noise, outliers, echoes from anywhere and of the body."""
+"""Disturbances of the links of a data set: noise, outliers, multipath."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ def disturbed(
     *,
     rng: np.random.Generator,
 ) -> Links:
-    """Return what antennas would measure of their ranges, (n, a, m).
+    """Return the disturbed ranges of antennas, (n, a, m).
 
     Each disturbance draws from a generator of its own: switching one on leaves the others' noise.
     """

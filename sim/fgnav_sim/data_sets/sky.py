@@ -46,7 +46,7 @@ class _Series:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Slots:
-    """Who is where: satellites by number (k, m), whether there is one, and their directions."""
+    """Satellites of slots by number, (k, m), whether there is one, and their directions."""
 
     number: IntArray
     filled: BoolArray
@@ -111,7 +111,7 @@ def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
 
 
 def _differs(table: SatellitesTable) -> bool:
-    """Return whether two runs at one place and time may have different satellites."""
+    """Return True if two runs at one place and time may have different satellites."""
     by_chance = table.choose != "all" and table.pick == "random"
     return by_chance or isinstance(table.choose, tuple)
 
@@ -184,7 +184,7 @@ def _choose(
     *,
     rng: np.random.Generator,
 ) -> tuple[BoolArray, int]:
-    """Return which satellites each sky has, (k, s), and the largest number there may be."""
+    """Select the satellites of each sky, (k, s); return also the largest number there may be."""
     if table.choose == "all":
         return above, _ALL
     length = series.t_s.shape[1]

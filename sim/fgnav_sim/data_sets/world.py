@@ -1,4 +1,4 @@
-"""What a world file may say: from which skies, arrays, attitudes and noise a data set is drawn."""
+"""Format of a world file: skies, array, attitudes and noise of a data set."""
 
 from datetime import datetime
 from pathlib import Path

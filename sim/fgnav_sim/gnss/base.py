@@ -24,7 +24,7 @@ def stand(
     satellite_cycles: Mapping[tuple[str, str], float],
     rng: np.random.Generator,
 ) -> Base:
-    """Return what a receiver at the base observes, with a clock and noise of its own.
+    """Return the observations of a receiver at the base, with a clock and noise of its own.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ def observe(
     satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
 ) -> "Received":
-    """Return what the receivers measure, and the integers that nobody tells them.
+    """Return the observations of the receivers, and their true integers.
 
     A receiver measures when its own clock shows the epoch, so its time tag is the epoch and its
     pseudorange holds its clock offset. All receivers track what the reference antenna has above the
@@ -136,7 +136,7 @@ class _Measured:
 
     @property
     def sky(self) -> Sky:
-        """Where the satellites stand."""
+        """Directions of the satellites."""
         return Sky(elevation_rad=self.elevation_rad, azimuth_rad=self.azimuth_rad, e_b=self.e_b)
 
     def fill(
@@ -212,7 +212,7 @@ class _Measured:
 def _above(
     sensor: GnssTable, channels: Channels, measured: _Measured, t_s: FloatArray
 ) -> BoolArray:
-    """Return which channels are above the mask, and chosen, (n, m)."""
+    """Select the channels above the mask, and chosen, (n, m)."""
     above = measured.elevation_rad > np.radians(sensor.receiver_mask_deg)
     if sensor.choose == "all":
         return np.asarray(above)
@@ -337,7 +337,7 @@ def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArra
 def _cycles(
     channels: Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return what phase holds beside the way, cycles: of satellites, of receivers, and integers.
+    """Return phase offsets, cycles: of satellites, of receivers, and integers.
 
     Shapes are (m,), (a, m) and (n, a, m).
 

@@ -1,4 +1,4 @@
-"""What holds a signal up beside the way: air, ions, and the satellite's own electronics."""
+"""Delays of signals: troposphere, ionosphere, and the satellite's own electronics."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def delays_m(
     t_s: FloatArray,
     seen: Links,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what code and phase travel longer than light in vacuum, (n, m), at all antennas.
+    """Return the delays of code and phase, m, (n, m), the same at all antennas.
 
     The air is that of the reference antenna: 1 m of height changes it by 0.3 mm at the zenith.
     """

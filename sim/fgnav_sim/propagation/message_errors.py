@@ -1,4 +1,4 @@
-"""What orbits, clocks and models of the atmosphere leave in every range to a satellite.
+"""Errors of orbits, clocks and models of the atmosphere in every range to a satellite.
 
 Estimators believe what a message states of its accuracy and what a model of the atmosphere is known
 to leave. Flights without such errors would be better than they have a right to expect: positions to

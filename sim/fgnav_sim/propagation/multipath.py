@@ -10,7 +10,7 @@ from fgnav_sim.gnss.tables import ReflectorTable
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Echoes:
-    """What mirrored signals do to direct ones, (n, a, m) each."""
+    """Errors by mirrored signals, (n, a, m) each."""
 
     # code_m, phase_m: by how much pseudorange and phase range are longer
     code_m: FloatArray

@@ -70,7 +70,7 @@ def watch(
 
 
 def saturated(sensor: PhotodetectorTable, photodetector: Photodetector) -> tuple[Unused, ...]:
-    """Return how many samples have a current that was cut."""
+    """Count the samples with a current that was cut."""
     limit_a = sensor.optics.saturation_a if sensor.optics else None
     if limit_a is None or not (cut := (photodetector.currents >= limit_a).any(axis=1)).any():
         return ()
@@ -108,7 +108,7 @@ def share_within(distance: FloatArray, small: float, large: float) -> FloatArray
 
 
 def _read(optics: OpticsTable, currents_a: FloatArray) -> FloatArray:
-    """Return what the electronics make of currents: nothing of faint ones, no more of strong."""
+    """Return currents as read: none of faint ones, no more of strong."""
     faint = currents_a < optics.threshold_sigmas * optics.noise_a
     largest_a = np.inf if optics.saturation_a is None else optics.saturation_a
     return np.where(faint, 0.0, np.minimum(currents_a, largest_a))

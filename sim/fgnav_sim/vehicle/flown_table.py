@@ -1,4 +1,4 @@
-"""What a scenario says of a flight that a rigid body makes by itself."""
+"""Format of a scenario that a rigid body flies."""
 
 from typing import Annotated, Literal
 
@@ -15,7 +15,7 @@ from fgnav_sim.vehicle.tables import Column, Vehicle, check_grid, check_length
 
 
 class StartTable(Table, frozen=True):
-    """How the flight starts."""
+    """Start of the flight."""
 
     position_n_m: Vector = (0.0, 0.0, 0.0)  # of the centre of mass, from the scenario's origin
     # v_n_mps, v_b_mps: velocity against the Earth: the sum of a part in the frame ``n`` and one in
@@ -47,7 +47,7 @@ class AttitudeTable(Table, frozen=True):
 
 
 class WindTable(Table, frozen=True):
-    """Where the air goes to, by ellipsoidal height: linear in between, constant outside."""
+    """Motion of the air by ellipsoidal height: linear in between, constant outside."""
 
     height_m: tuple[float, ...] = (0.0,)
     # north_mps, east_mps: one value for every height, or one for each

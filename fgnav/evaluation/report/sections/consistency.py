@@ -1,4 +1,4 @@
-"""Whether stated covariances are honest: innovations, and errors."""
+"""Consistency of covariances: normalised innovations and errors."""
 
 from collections.abc import Sequence
 
@@ -109,7 +109,7 @@ def _normalised_errors(methods: Sequence[Method], time: Span) -> Blocks:
 
 
 def _decades(lines: Sequence[Line]) -> Span:
-    """Return what most of NEES lies between, and its band."""
+    """Return limits that hold most of NEES, and its band."""
     ends = [end for line in lines for end in np.nanpercentile(line.y, [0.5, 99.5]).tolist()]
     return max(min(0.01, *ends), 1e-3), max(20.0, *ends)
 

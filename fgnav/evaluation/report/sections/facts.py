@@ -1,4 +1,4 @@
-"""What is said in tables: the methods, what was left out and why, constants, set-up, versions."""
+"""Tables of gaps, exclusions, unused measurements, constants, set-up and versions."""
 
 import platform
 from collections.abc import Iterator, Sequence
@@ -64,7 +64,7 @@ def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
 
 
 def constants_table(methods: Sequence[Method]) -> Blocks:
-    """Return what was estimated with the flight and holds for all of it."""
+    """Return the calibration parameters that hold for a whole flight."""
     rows = [
         [method.name, constant.name, axis, f"{value:.6g}", f"{sigma:.3g}", constant.unit]
         for method in methods
@@ -80,7 +80,7 @@ def constants_table(methods: Sequence[Method]) -> Blocks:
 
 
 def set_up(flight: Flight) -> Blocks:
-    """Return what was read of the flight: places, noises, rates, and what it did not state."""
+    """Return the set-up of a flight as read: positions, noise, rates, and defaults used."""
     rows = [["name", flight.name, ""], ["start", f"{flight.start_gps_s:.3f} s GPS time", ""]]
     for name in ("origin", "gnss_noise", "initial"):
         rows += _fields_of(name, getattr(flight, name))

@@ -40,7 +40,7 @@ _RATES = (
 
 
 class _States(NamedTuple):
-    """What is drawn of a method, of fixes or of the truth; None where there is none."""
+    """States of a method, of fixes or of the truth; None where there are none."""
 
     style: str
     name: str

@@ -1,4 +1,4 @@
-"""What methods leave of receivers' own solutions over time: fixes and baselines less estimates."""
+"""Residuals of receivers' own solutions over time: fixes and baselines less estimates."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

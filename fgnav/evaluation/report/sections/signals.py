@@ -84,5 +84,5 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
 
 
 def _tracked(observations: Observations) -> BoolArray:
-    """Return which channels any antenna measured, (n, m)."""
+    """Select the channels that any antenna measured, (n, m)."""
     return np.asarray(np.isfinite(observations.code_m).any(axis=1))
