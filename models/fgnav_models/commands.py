@@ -154,5 +154,5 @@ def _watched(log: Path) -> "Iterator[Callable[[str, Progress], None]]":
 
 def _clock(seconds: float) -> str:
     """Return a duration as h:mm:ss."""
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    total = round(seconds)
+    return f"{total // 3600}:{total // 60 % 60:02d}:{total % 60:02d}"

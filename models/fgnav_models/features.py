@@ -40,8 +40,8 @@ def wrapped(phase_cycles: FloatArray) -> tuple[FloatArray, IntArray]:
     minus that answer. A gap, NaN, stays one and has no cycles.
     """
     cycles = np.round(phase_cycles)
-    whole = np.where(np.isfinite(cycles), cycles, 0.0).astype(np.int64)
-    return np.asarray(phase_cycles - cycles), whole
+    integers = np.where(np.isfinite(cycles), cycles, 0.0).astype(np.int64)
+    return np.asarray(phase_cycles - cycles), integers
 
 
 def ambiguity_inputs(

@@ -198,8 +198,8 @@ def outside_domain(
         "baseline_m": _range(np.broadcast_to(length_m, antennas[:, 1:].shape), antennas[:, 1:]),
     }
     for figure in domain:
-        least, most = counted[figure.name]
-        beyond = is_present & ~(figure.holds(least) & figure.holds(most))
+        lowest, most = counted[figure.name]
+        beyond = is_present & ~(figure.holds(lowest) & figure.holds(most))
         texts[beyond & (texts == "")] = figure.beyond
     return tuple(texts.tolist())
 
@@ -274,10 +274,10 @@ def _ratio(n: int, listed: Candidates) -> FloatArray:
 
 def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return least and largest value of each epoch, (n,): 1 where there is none."""
-    least = np.where(is_present, value, np.inf).min(axis=1, initial=np.inf)
+    lowest = np.where(is_present, value, np.inf).min(axis=1, initial=np.inf)
     most = np.where(is_present, value, -np.inf).max(axis=1, initial=-np.inf)
     some = is_present.any(axis=1)
-    return np.where(some, least, 1.0), np.where(some, most, 1.0)
+    return np.where(some, lowest, 1.0), np.where(some, most, 1.0)
 
 
 @cache

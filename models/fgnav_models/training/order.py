@@ -75,7 +75,7 @@ class Order:
         """Write words and a table into ``report.md``; return the lines to print."""
         path = self.out / "report.md"
         write_text(path, f"{words}{markdown_table(heads, rows)}\n")
-        return [*(" | ".join(row) for row in rows), f"the table is in {path}"]
+        return [*(" | ".join(record) for record in rows), f"the table is in {path}"]
 
 
 class Trainer(Protocol):

@@ -275,9 +275,9 @@ class _Run:
             "history": state.history,
         }
         run = json.dumps({"settings": _settings_text(self.settings), "state": text})
-        with atomic_file(self.checkpoint) as part:
+        with atomic_file(self.checkpoint) as partial:
             # one key, for safetensors writes several in an order drawn anew
-            save_file(self._tensors(), part, metadata={"run": run})
+            save_file(self._tensors(), partial, metadata={"run": run})
         self.saved_s = perf_counter()
 
     def _tensors(self) -> dict[str, torch.Tensor]:
@@ -289,8 +289,8 @@ class _Run:
             "moments": {f"{i}.{k}": v for i, inner in moments.items() for k, v in inner.items()},
         }
         return {
-            f"{part}:{key}": value.detach().contiguous()
-            for part, tensors in parts.items()
+            f"{group}:{key}": value.detach().contiguous()
+            for group, tensors in parts.items()
             for key, value in tensors.items()
         }
 
@@ -331,8 +331,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, torch.Tensor]
             text = (file.metadata() or {}).get("run", "{}")
             run = msgspec.json.decode(text, type=dict[str, Any])
             for key in file.keys():  # noqa: SIM118  # not a mapping
-                part, _, name = key.partition(":")
-                parts[part][name] = file.get_tensor(key)
+                group, _, name = key.partition(":")
+                parts[group][name] = file.get_tensor(key)
     except (SafetensorError, KeyError, msgspec.MsgspecError) as error:
         raise BadInputError(f"{path}: is no checkpoint of ours ({error}); delete it") from None
     return run, parts

@@ -90,8 +90,8 @@ def network_of(
     experiment: Experiment, samples: Samples, parts: Parts, columns: IntArray
 ) -> AmbiguityNet:
     """Return the untrained network of an experiment, its inputs scaled by the training rows."""
-    seen = torch.from_numpy(samples.features[parts.train])
-    offset, mix = (whitened if experiment.scaling == "whitened" else min_max)(seen)
+    features = torch.from_numpy(samples.features[parts.train])
+    offset, mix = (whitened if experiment.scaling == "whitened" else min_max)(features)
     return AmbiguityNet(
         experiment.architecture,
         task=experiment.task,
@@ -225,17 +225,19 @@ def _validation(
     """Return the loss that decides, and the share of wrong integers, over all targets."""
     if not len(of):
         return {}
-    loss = wrong = judged = 0.0
+    loss = wrong = total = 0.0
     some = of[:: ceil(len(of) / experiment.validation_rows)]
     for chunk in _chunks(rows.on_device(some)):
         features, cycles, is_present = rows(chunk)
         answer = module(features)
         loss += float(loss_of(experiment.task, answer, cycles, is_present)) * len(chunk)
         wrong += float(((cycles_of(experiment.task, answer) != cycles) & is_present).sum())
-        judged += float(is_present.sum())
-    return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(judged, 1.0)}
+        total += float(is_present.sum())
+    return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(total, 1.0)}
 
 
 def _save(path: Path, tensors: dict[str, torch.Tensor]) -> None:
-    with atomic_file(path) as part:
-        save_file({key: value.detach().cpu().contiguous() for key, value in tensors.items()}, part)
+    with atomic_file(path) as partial:
+        save_file(
+            {key: value.detach().cpu().contiguous() for key, value in tensors.items()}, partial
+        )

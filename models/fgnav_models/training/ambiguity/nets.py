@@ -70,10 +70,10 @@ class StackedRecurrent(nn.Module):  # type: ignore[misc]  # mypy skips torch
         self.gates = 4 if architecture.kind == "lstm" else 1
         width = self.gates * self.units
         self.inward = StackedDense(members, inputs, width, generator)
-        own = torch.empty(members, self.units, width)
-        for member in own:
+        weight = torch.empty(members, self.units, width)
+        for member in weight:
             nn.init.orthogonal_(member, generator=generator)
-        self.own = nn.Parameter(own)
+        self.own = nn.Parameter(weight)
         if self.gates == 4:
             with torch.no_grad():
                 self.inward.bias[..., self.units : 2 * self.units] = 1.0

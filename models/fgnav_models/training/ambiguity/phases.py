@@ -190,7 +190,9 @@ def three_phases(
     """
 
     def best(phase: int, experiments: Mapping[str, Experiment]) -> Experiment:
-        scores = {name: score(f"{phase}/{name}", one) for name, one in experiments.items()}
+        scores = {
+            name: score(f"{phase}/{name}", experiment) for name, experiment in experiments.items()
+        }
         return experiments[max(scores, key=scores.__getitem__)]
 
     first = best(1, _phase_1(grid, start, task))
