@@ -221,8 +221,7 @@ def _facts(diagnosis: "Diagnosis") -> Iterator[tuple[str, str]]:
     yield "orbits", ", ".join(diagnosis.orbits) or "none"
     yield "gyroscope", "yes" if diagnosis.gyroscope else "no"
     for name, series in diagnosis.series.items():
-        span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
-        yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"
+        yield name, str(series)
 
 
 def show_shipped(package: str, kind: str, name: str | None, json: str | None) -> None:

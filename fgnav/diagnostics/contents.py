@@ -33,6 +33,11 @@ class Series:
     gaps: int
     longest_gap_s: float
 
+    def __str__(self) -> str:
+        """Return number, rate and span in a line."""
+        span = f"{self.first_s:.3f} to {self.last_s:.3f} s"
+        return f"{self.samples} samples, {self.rate_hz:.4g} Hz, {span}"
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -90,7 +95,7 @@ class Diagnosis:
 def contents(flight: Flight) -> Diagnosis:
     """Return contents of a flight, and findings that need no solution."""
     sensors = {"gnss": flight.observations, **flight.records}
-    series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
+    series = {name: series_of(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
     findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
     unused = flight.unused
@@ -113,7 +118,8 @@ def contents(flight: Flight) -> Diagnosis:
     )
 
 
-def _series(t_s: FloatArray) -> Series:
+def series_of(t_s: FloatArray) -> Series:
+    """Return the sampling of times, (n,), one or more."""
     steps_s = np.diff(t_s)
     interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
     gaps_s = steps_s[steps_s > GAP * interval_s]

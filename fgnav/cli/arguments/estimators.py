@@ -1,9 +1,7 @@
 """Methods as the command line asks for them, and a flight compared by them, each step shown."""
 
-import gc
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,18 +18,6 @@ _LOG = logging.getLogger("fgnav")
 _TOML = "flight.toml"  # what makes a folder a flight
 
 
-@contextmanager
-def _loading() -> Iterator[None]:
-    """Let the garbage collector rest: what modules make stays, and counting it takes 0.1 s."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
-@_loading()
 def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415

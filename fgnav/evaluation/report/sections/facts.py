@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.diagnostics.contents import GAP, series_of
 from fgnav.evaluation.comparison import Method
 from fgnav.evaluation.report.parts import Blocks, folded, paragraph, table
 from fgnav.types.flight import Flight
 
 _MOST = 300  # rows of a table
-_GAP = 1.5  # intervals: a longer step is a gap
 _PACKAGES = ("fgnav", "numpy", "scipy", "numba", "gtsam", "pyrtklib5", "onnxruntime")
 
 
@@ -59,7 +59,7 @@ def _gaps(t_s: FloatArray) -> list[tuple[float, float]]:
     """Return where epochs have no answer: last before, first after."""
     steps_s = np.diff(t_s)
     usual_s = np.median(steps_s) if len(steps_s) else np.inf
-    at = np.flatnonzero(steps_s > _GAP * usual_s)
+    at = np.flatnonzero(steps_s > GAP * usual_s)
     return list(zip(t_s[at].tolist(), t_s[at + 1].tolist(), strict=True))
 
 
@@ -91,9 +91,9 @@ def set_up(flight: Flight) -> Blocks:
     if flight.observations is not None:
         of = flight.observations
         channels = [f"{s} {c}" for s, c in zip(of.satellites, of.signals, strict=True)]
-        rows.append(["observations", _series(of.t_s), ", ".join(channels)])
+        rows.append(["observations", _sampling(of.t_s), ", ".join(channels)])
     for name, record in flight.records.items():
-        rows.append([name, _series(record.t_s), ""])
+        rows.append([name, _sampling(record.t_s), ""])
         rows += _fields_of(name, record)
     if flight.base is not None:
         rows.append(["base", f"{flight.base.position_e_m.tolist()} m, ECEF", ""])
@@ -117,11 +117,8 @@ def _fields_of(owner: str, record: Any) -> Iterator[list[str]]:  # noqa: ANN401 
         yield [f"{owner} {field.name}", text, remark]
 
 
-def _series(t_s: FloatArray) -> str:
-    if len(t_s) < 2:
-        return f"{len(t_s)} samples"
-    rate_hz = 1 / float(np.median(np.diff(t_s)))
-    return f"{len(t_s)} samples, {rate_hz:.4g} Hz, {t_s[0]:.3f} to {t_s[-1]:.3f} s"
+def _sampling(t_s: FloatArray) -> str:
+    return str(series_of(t_s)) if len(t_s) else "no samples"
 
 
 def versions() -> Blocks:
