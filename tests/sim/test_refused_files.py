@@ -244,6 +244,27 @@ station_m = 3.1 => station_m = 1.813
 deflection_deg = 15.0 => deflection_deg = 95.0
     canards.deflection_deg: .* < 90
 """
+BODIES = r"""
+[autopilot]
+    autopilot: needs a table \[canards\]
+[canards]
+area_m2 = 1
+station_m = 1
+arm_m = 1
+    canards: need a table \[aerodynamics\]
+[aerodynamics]
+kind = "axisymmetric"
+diameter_m = 0.1
+mach = []
+    aerodynamics.mach: must hold 1 values or more
+[motor]
+propellant_kg = 1
+loaded_inertia_kgm2 = [1, 1, 1]
+loaded_centre_m = 0
+time_s = [0, 1]
+thrust_n = [0, 0]
+    motor.thrust_n: must rise above zero
+"""
 
 
 def cases(table):
@@ -287,3 +308,9 @@ def test_a_bad_vehicle_is_refused_in_one_line(tmp_path, change, message):
     assert old in rocket
     changed = rocket.replace(old, new, 1)
     assert_refused(load_vehicle, tmp_path / "rocket.toml", changed, message)
+
+
+@pytest.mark.parametrize(("text", "message"), cases(BODIES))
+def test_a_part_that_a_body_cannot_have_is_refused_in_one_line(tmp_path, text, message):
+    whole = f"[body]\nmass_kg = 1\ninertia_kgm2 = [1, 1, 1]\n{text}\n"
+    assert_refused(load_vehicle, tmp_path / "body.toml", whole, message)
