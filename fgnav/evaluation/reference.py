@@ -77,13 +77,6 @@ def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]
     return of_a, of_b
 
 
-def minus(
-    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
-) -> FloatArray | None:
-    """Subtract rows of two arrays; None where one of both is None."""
-    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])
-
-
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return the index of the last sample at or before each epoch, kept off the last sample."""
     index = np.searchsorted(times_s, t_s, side="right") - 1
