@@ -40,7 +40,7 @@ _Kinds = Counter[tuple[str, int, str]]  # by protocol, number and name
 
 
 def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
-    """Read a file of any receiver, of one protocol or of several between each other.
+    r"""Read a file of any receiver, of one protocol or of several between each other.
 
     Examples
     --------

@@ -82,9 +82,7 @@ LAYOUT: dict[str, tuple[Fields, ...]] = {
         ),
     ),
     "VelCovGeodetic": (
-        Fields(
-            "fixes", col.VELOCITY_SIGMA, ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"), is_variance=True
-        ),
+        Fields("fixes", col.VELOCITY_SIGMA, ("Cov_VnVn", "Cov_VeVe", "Cov_VuVu"), is_variance=True),
     ),
     "AttEuler": _headings("Heading", "Pitch"),
     "AttCovEuler": (

@@ -97,7 +97,9 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
 def _topics(logged: Sequence[Any], counts: Counts) -> dict[str, Message]:
     """Return the messages that are used, by topic, fixes as of ``sensor_gps``; count the others."""
     receivers = [topic for topic in logged if topic.name in (_GPS, _OLD_GPS)]
-    used = {t.name: t for t in reversed(logged) if t.name in (*_LAYOUT, *_FILTER)}  # first instances
+    used = {
+        t.name: t for t in reversed(logged) if t.name in (*_LAYOUT, *_FILTER)
+    }  # first instances
     if receivers:
         used[_GPS] = max(receivers, key=lambda topic: (topic.data["fix_type"] >= _FIX_3D).sum())
     for topic in logged:
