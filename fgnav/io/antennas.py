@@ -65,11 +65,6 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
     Observations
         On the reference antenna's epochs and the union of channels. An antenna without an epoch has
         gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
-
-    Raises
-    ------
-    BadInputError
-        If there is no antenna, or an antenna shares no epoch with the reference.
     """
     if not per_antenna:
         raise BadInputError("antennas: at least one is needed")

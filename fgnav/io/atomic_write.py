@@ -24,23 +24,12 @@ def atomic_file(path: Path, *, tidy: bool = True) -> AbstractContextManager[Path
     tidy : bool
         Whether to remove what killed writers of ``path`` have left, which lists its folder. One
         who writes a million files into a folder does that once, before.
-
-    Raises
-    ------
-    BadInputError
-        If the place cannot be written.
     """
     return _atomic(path, Path.touch, tidy=tidy)
 
 
 def atomic_folder(path: Path) -> AbstractContextManager[Path]:
-    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new.
-
-    Raises
-    ------
-    BadInputError
-        If the folder cannot be made, or something in it cannot be written.
-    """
+    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new."""
     made_folder(path.parent)
     return _atomic(path, Path.mkdir, tidy=True)
 
@@ -68,13 +57,7 @@ def write_text(path: Path, text: str, *, tidy: bool = True) -> None:
 
 
 def check_place(path: Path) -> None:
-    """Raise unless a file of that name could be written.
-
-    Raises
-    ------
-    BadInputError
-        If its folder is absent, or it is a folder itself.
-    """
+    """Raise unless a file of that name could be written."""
     if not path.parent.is_dir():
         raise BadInputError(f"{path}: its folder does not exist; make it first")
     if path.is_dir():
@@ -82,13 +65,7 @@ def check_place(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Raise unless a folder is there to be written, or could be made; nothing is made yet.
-
-    Raises
-    ------
-    BadInputError
-        If a file is in the way, or the first folder above it that exists may not be written.
-    """
+    """Raise unless a folder is there to be written, or could be made; nothing is made yet."""
     nearest = next((one for one in (path, *path.parents) if one.exists()), Path())
     if not nearest.is_dir():
         raise _file_in_way(nearest)
@@ -97,13 +74,7 @@ def check_folder(path: Path) -> None:
 
 
 def made_folder(path: Path) -> Path:
-    """Make a folder and those above it where they are absent; return it.
-
-    Raises
-    ------
-    BadInputError
-        If it cannot be made.
-    """
+    """Make a folder and those above it where they are absent; return it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):

@@ -35,11 +35,6 @@ def convert(
         The file, for error texts and the time that it may take.
     words : sequence of str
         Of the command line.
-
-    Raises
-    ------
-    BadInputError
-        If the converter crashes, hangs or cannot run: the text names the file.
     """
     limit_s = timeout_s + _TIMEOUT_S_PER_MB * path.stat().st_size / 1e6
     try:

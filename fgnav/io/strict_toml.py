@@ -33,13 +33,7 @@ class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the plain content of a TOML file.
-
-    Raises
-    ------
-    BadInputError
-        If the file cannot be read or is not TOML.
-    """
+    """Return the plain content of a TOML file."""
     try:
         return tomllib.loads(read_bytes(path, _MOST_BYTES).decode("utf-8-sig"))
     except (RecursionError, ValueError) as error:  # not TOML, not UTF-8, no number, too deep
@@ -49,13 +43,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_toml_or_json(path: Path) -> dict[str, Any]:
-    """Return the plain content of a TOML file, or of JSON where its name ends so.
-
-    Raises
-    ------
-    BadInputError
-        If the file cannot be read or is not what its name says.
-    """
+    """Return the plain content of a TOML file, or of JSON where its name ends so."""
     if path.suffix != ".json":
         return read_toml(path)
     try:
@@ -68,14 +56,7 @@ def read_toml_or_json(path: Path) -> dict[str, Any]:
 
 
 def as_table(path: Path, content: Mapping[str, Any], table: type[T]) -> T:
-    """Return plain content as an instance of ``table``, a subclass of ``Table``.
-
-    Raises
-    ------
-    BadInputError
-        At the first key that nobody knows (the text names the nearest known one), number that is
-        not finite, or value that breaks the rule of its key.
-    """
+    """Return plain content as an instance of ``table``, a subclass of ``Table``."""
     try:
         _check_keys("", content, inspect.type_info(table))
         return msgspec.convert(content, table)

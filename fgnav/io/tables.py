@@ -37,11 +37,6 @@ def read_table(
     Returns
     -------
     dict of str to ndarray, shape (k,)
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
     """
     content = read_bytes(path, is_text=True)
     names, body = _head(path, content)

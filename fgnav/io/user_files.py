@@ -34,13 +34,7 @@ _KINDS = {
 
 
 def max_bytes() -> int:
-    """Return how many bytes of one file are read at most.
-
-    Raises
-    ------
-    BadInputError
-        If ``FGNAV_MAX_BYTES`` is no whole positive number.
-    """
+    """Return how many bytes of one file are read at most."""
     text = os.environ.get(LIMIT, "")
     if not text:
         return DEFAULT_BYTES
@@ -58,11 +52,6 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
     is_text : bool
         Whether it is text, which is unpacked where it is packed.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file, it is no regular file, larger than allowed, or cannot be read.
     """
     limit = max_bytes() if most is None else min(most, max_bytes())
     try:
@@ -123,13 +112,7 @@ def read_lines(path: Path) -> tuple[list[str], Unused]:
 
 
 def unpacked(path: Path, content: bytes) -> bytes:
-    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is.
-
-    Raises
-    ------
-    BadInputError
-        If it is damaged, or unpacks to more than allowed or than any text would.
-    """
+    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is."""
     kind = next((name for magic, name in PACKED.items() if content.startswith(magic)), None)
     if kind is None:
         return content

@@ -30,13 +30,7 @@ _Classes: TypeAlias = Mapping[str, Callable[..., Any]]  # of messages, which ros
 
 
 def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
-    """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out.
-
-    Raises
-    ------
-    BadInputError
-        If rosbags is not installed, or no epoch has a position.
-    """
+    """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out."""
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415  # lazy: an extra
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415

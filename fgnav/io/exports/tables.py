@@ -45,11 +45,6 @@ def write_outcome(
     pitch_deg, yaw_deg; and the standard deviations of what has a covariance. Velocity and attitude
     refer to the NED axes at the vehicle; without a position, to those at the origin. Columns of
     what the method does not estimate are absent.
-
-    Raises
-    ------
-    BadInputError
-        If a file cannot be written.
     """
     place = folder / SUMMARY
     with atomic_file(place) as summary, atomic_file(folder / ESTIMATE) as table:
@@ -100,13 +95,7 @@ def write_csv(recorded: RecordedEstimate, path: Path) -> None:
 
 
 def write_parquet(recorded: RecordedEstimate, path: Path) -> None:
-    """Write the same columns as Parquet, with flight, method and GPS time of ``t_s = 0``.
-
-    Raises
-    ------
-    BadInputError
-        If pyarrow is not installed.
-    """
+    """Write the same columns as Parquet, with flight, method and GPS time of ``t_s = 0``."""
     try:
         from pyarrow import Table  # noqa: PLC0415  # lazy: an extra
         from pyarrow.parquet import write_table  # noqa: PLC0415

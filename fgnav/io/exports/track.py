@@ -32,13 +32,7 @@ class Track:
 
 
 def track_of(recorded: RecordedEstimate) -> Track:
-    """Return the track of an estimate.
-
-    Raises
-    ------
-    BadInputError
-        If no epoch has a position.
-    """
+    """Return the track of an estimate."""
     estimate, origin = recorded.estimate, recorded.origin
     n = len(estimate.t_s)
     p_n_m = np.full((n, 3), np.nan) if estimate.p_n_m is None else estimate.p_n_m

@@ -48,11 +48,6 @@ def baseline_of(
         Where the receiver was: its axes are north, east, down there.
     where : Path
         The file, for error texts.
-
-    Raises
-    ------
-    BadInputError
-        Of columns that do not go together, or are too few.
     """
     R_nl = _local_axes(origin, fixes, samples["t_s"])
     _check(samples, where)

@@ -85,13 +85,7 @@ def columns_to_vectors(table: Samples, names: tuple[str, ...]) -> FloatArray:
 def stated_sigma(
     where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
 ) -> FloatArray | None:
-    """Return standard deviations, (k, c); None where the samples have none.
-
-    Raises
-    ------
-    BadInputError
-        If one is not positive.
-    """
+    """Return standard deviations, (k, c); None where the samples have none."""
     if names[0] not in samples:
         return None
     sigma = columns_to_vectors(samples, names)

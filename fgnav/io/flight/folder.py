@@ -67,13 +67,7 @@ def load_flight(path: Path | str) -> Flight:
 
 
 def files_of(path: Path | str) -> tuple[Path, ...]:
-    """Return the files that a flight is made of, its ``flight.toml`` first.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such flight, or its ``flight.toml`` breaks a rule.
-    """
+    """Return the files that a flight is made of, its ``flight.toml`` first."""
     toml = _toml(Path(path))
     table = flight_toml.read_flight_toml(toml)
     names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]

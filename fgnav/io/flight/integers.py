@@ -25,13 +25,7 @@ def write_integers(path: Path, integers: LinkIntegers) -> None:
 
 
 def read_integers(path: Path) -> LinkIntegers:
-    """Read integers.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
-    """
+    """Read integers."""
     text = read_bytes(path, is_text=True).decode("utf-8", "replace").replace("\r\n", "\n")
     lines = text.split("\n")
     if lines.pop():

@@ -15,13 +15,7 @@ _ENDS = (".toml", ".json")
 
 
 def manifests(folder: Path, tables: Iterable[NetworkTable]) -> tuple[Path, ...]:
-    """Return the manifests that a flight's tables name.
-
-    Raises
-    ------
-    BadInputError
-        If one is not there, is no TOML or JSON by its name, or is named twice.
-    """
+    """Return the manifests that a flight's tables name."""
     paths: list[Path] = []
     for row, table in enumerate(tables):
         path = folder / table.manifest

@@ -100,13 +100,7 @@ class Surroundings:
 
 
 def read_record(kind: str, keys: Any, at: Surroundings) -> Any:  # noqa: ANN401  # of that kind
-    """Return the record that a table of flight.toml names the samples of.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
-    """
+    """Return the record that a table of flight.toml names the samples of."""
     file = at.folder / keys.samples
     samples = read_table(file, *COLUMNS[kind])
     if kind == "baseline":
@@ -171,11 +165,6 @@ def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
         Which axis of the samples points forward, right and down: ``("-x", "y", "-z")``.
     angles_deg : sequence of 3 float
         Roll, pitch, yaw by which the unit, its axes so named, is turned against the body.
-
-    Raises
-    ------
-    BadInputError
-        If the axes are no right-handed triad.
     """
     P = np.zeros((3, 3))
     for row, axis in enumerate(axes):

@@ -17,13 +17,7 @@ MOST_MISSING = 1_000_000
 
 
 def check_times(flight: Flight) -> None:
-    """Raise where a series has a gap, or lies apart from the GNSS record, as no flight's does.
-
-    Raises
-    ------
-    BadInputError
-        Naming the series, the time and what may be wrong with it.
-    """
+    """Raise where a series has a gap, or lies apart from the GNSS record, as no flight's does."""
     series = {name: one.t_s for name, one in flight.records.items()}
     if flight.observations is not None:
         series["observations"] = flight.observations.t_s

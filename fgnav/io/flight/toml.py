@@ -241,13 +241,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
 
 
 def read_flight_toml(path: Path) -> FlightTable:
-    """Read and check ``flight.toml``.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, key, rule and value; of an unknown key also the nearest known one.
-    """
+    """Read and check ``flight.toml``."""
     content = read_toml(path)
     if not content:
         raise BadInputError(f"{path}: must describe a flight, the file is empty")
@@ -260,13 +254,7 @@ def read_flight_toml(path: Path) -> FlightTable:
 
 
 def gps_seconds(path: Path, start: str) -> float:
-    """Return seconds since 1980-01-06 of a GPS date and time.
-
-    Raises
-    ------
-    BadInputError
-        If the text is no date such as ``2020-06-25T00:00:00.5``, or before 1980-01-06.
-    """
+    """Return seconds since 1980-01-06 of a GPS date and time."""
     got = quoted(start)
     rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
     seconds = date_to_gps_s(re.split("[-T:]", start)) if _START.fullmatch(start) else np.nan

@@ -28,13 +28,7 @@ _TAKEN = ("base", "broadcast")
 
 
 def check_empty(folder: Path) -> None:
-    """Raise unless a folder is new or empty.
-
-    Raises
-    ------
-    BadInputError
-        If it holds something, or is a file.
-    """
+    """Raise unless a folder is new or empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
 

@@ -47,12 +47,6 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
 
     ``t_s = 0`` is the settings' ``start``, else the first fix, else the first observation. A clock
     of a unit's own is laid with its first sample on the start, and a note says so.
-
-    Raises
-    ------
-    BadInputError
-        If two files have the same table, or a table has no usable row, or nothing is left
-        without instruments whose noise is not stated: those are left out, and counted.
     """
     recordings = [cleaned(_stated(one, settings)) for one in recordings]
     missing = {key: text for one in recordings for key, text in one.missing.items()}
@@ -273,11 +267,6 @@ def write(
         For flight.toml, by key.
     settings : Settings or None
         Written beside it, so that the import can be done again with what was amended.
-
-    Raises
-    ------
-    BadInputError
-        If the folder holds something, or what was written is no flight.
     """
     check_empty(folder)
     with atomic_folder(folder) as new:

@@ -27,13 +27,6 @@ def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[st
     ----------
     format : str or None
         Its format, where the user states it.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file.
-    UnknownFormatError
-        If nothing tells its format: the text lists what there is.
     """
     file = plain(path, scratch)
     name = format or ("rosbag" if file.is_dir() else _format(file))

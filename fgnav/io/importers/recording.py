@@ -84,11 +84,6 @@ def cleaned(recording: Recording) -> Recording:
 
     Times that wrapped go on. Samples that share their timestamps are spread over the time to the
     next one, and ``missing`` has a text of it.
-
-    Raises
-    ------
-    BadInputError
-        If a table has no usable row.
     """
     tables, missing, source = {}, dict(recording.missing), recording.source
     counts = Counter[tuple[str, str]]()

@@ -138,11 +138,5 @@ class Settings(Table, frozen=True, kw_only=True):
 
 
 def read_settings(path: Path | None) -> Settings:
-    """Read settings; those of an empty file without a path.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, key, rule and value.
-    """
+    """Read settings; those of an empty file without a path."""
     return Settings() if path is None else as_table(path, read_toml(path), Settings)

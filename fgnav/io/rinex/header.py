@@ -87,11 +87,6 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         The whole file.
     kind : {"observations", "navigation"}
         What the caller expects.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value.
     """
     lines, size = _lines(path, text)
     version, system = _version(lines[0], kind)

@@ -85,11 +85,6 @@ def to_broadcast(
     -------
     BroadcastOrbits
         Messages that are cut, have an impossible orbit or are repeated are counted as unused.
-
-    Raises
-    ------
-    BadInputError
-        If none is left.
     """
     counts = Counter[tuple[str, str]]()
     messages, models = list[_Message](), list[FloatArray]()

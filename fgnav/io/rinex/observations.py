@@ -45,11 +45,6 @@ def to_observations(
         The whole file, plain.
     wanted : mapping of str to sequence of str
         Signals by constellation letter; all of usual carriers without any.
-
-    Raises
-    ------
-    BadInputError
-        If no epoch is whole, or the types of observations change.
     """
     body, is_ended = _body(header, text)
     found = _scanned(body)

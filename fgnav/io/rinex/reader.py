@@ -47,11 +47,6 @@ def read_rinex(
         GPS, Galileo, BeiDou and QZSS; everything else is counted. None without files.
     list of Observations
         Of one antenna each, in the order of the paths.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value.
     """
     texts = [read_text(path) for path in receivers]
     headers = [read_header(p, t, "observations") for p, t in zip(receivers, texts, strict=True)]

@@ -51,13 +51,7 @@ def is_kept(letter: str, signal: str, wanted: Wanted) -> bool:
 
 
 def check_wanted(headers: Sequence[Header], wanted: Wanted) -> None:
-    """Raise unless some file has each signal that is wanted.
-
-    Raises
-    ------
-    BadInputError
-        The text names those that they have.
-    """
+    """Raise unless some file has each signal that is wanted."""
     offered = {
         (letter, signal)
         for header in headers

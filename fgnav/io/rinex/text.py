@@ -27,11 +27,6 @@ def read_text(path: Path) -> Bytes:
     Returns
     -------
     ndarray of uint8, read-only
-
-    Raises
-    ------
-    BadInputError
-        If the file is missing, empty, packed otherwise or damaged in its packing.
     """
     content = unmarked(read_bytes(path, is_text=True))
     content = _BLANK_LINES.sub(b"", content, count=1)

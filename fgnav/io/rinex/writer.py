@@ -60,11 +60,6 @@ def write_observations(
     position_e_m : ndarray, shape (3,)
         Approximate position for the header.
     version : {"3.04", "4.00"}
-
-    Raises
-    ------
-    BadInputError
-        If a value does not fit its columns, or a constellation has no place in the file.
     """
     _check_version(version)
     for satellite in observations.satellites:
@@ -199,11 +194,6 @@ def write_navigation(
     start_gps_s : float
         GPS time of ``t_s = 0``.
     version : {"3.04", "4.00"}
-
-    Raises
-    ------
-    BadInputError
-        If a time of clock is not a whole second, which RINEX cannot express.
     """
     _check_version(version)
     fourth, model = version == "4.00", broadcast.klobuchar

@@ -40,11 +40,6 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     PreciseOrbits
         GPS, Galileo, BeiDou, QZSS and GLONASS. An epoch that two files share is taken from the
         earlier one; that, other constellations and velocities are counted as unused.
-
-    Raises
-    ------
-    BadInputError
-        If a header breaks a rule, or no record is whole.
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
