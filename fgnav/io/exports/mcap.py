@@ -20,7 +20,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.rotations import quaternion_wxyz
 from fgnav.io.atomic_write import atomic_file
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.exports.track import Track, track_of
+from fgnav.io.exports.trajectories import Track, track_of
 
 _ENU_OF_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
@@ -30,7 +30,12 @@ _Classes: TypeAlias = Mapping[str, Callable[..., Any]]  # of messages, which ros
 
 
 def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
-    """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out."""
+    """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out.
+
+    Examples
+    --------
+    >>> write_mcap(fgnav.load_estimate("run"), Path("run.mcap"))
+    """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415  # lazy: an extra
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415

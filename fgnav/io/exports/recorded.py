@@ -81,7 +81,7 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     content: dict[str, Any] = {
-        "head": np.array(msgspec.json.encode(head, enc_hook=str).decode()),
+        "head": np.array(msgspec.json.encode(head, enc_hook=float).decode()),
         **arrays,
     }
     with atomic_file(Path(path)) as part, part.open("wb") as file:
