@@ -46,6 +46,11 @@ class RecordedEstimate:
     estimate: Estimate
 
 
+def _plain(value: object) -> str | float:
+    """Return a message as its text, a number of NumPy's as one of Python's."""
+    return str(value) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
+
+
 def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     """Write an estimate's arrays, frame and clock; integers, unused and notes are in summary.json.
 
@@ -81,7 +86,7 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     content: dict[str, Any] = {
-        "head": np.array(msgspec.json.encode(head, enc_hook=float).decode()),
+        "head": np.array(msgspec.json.encode(head, enc_hook=_plain).decode()),
         **arrays,
     }
     with atomic_file(Path(path)) as part, part.open("wb") as file:

@@ -9,16 +9,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, gps_s_to_date, to_ticks
 from fgnav.io.rinex.constellations import USED
-from fgnav.io.rinex.navigation import (
-    ACCURACY,
-    BDT_WEEK,
-    DATA_SOURCE,
-    DELAYS,
-    PLAIN,
-    ROOT_A,
-    TRANSMISSION,
-    WEEK,
-)
+from fgnav.io.rinex.navigation import BDT_WEEK, COLUMNS, FIELDS
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
@@ -252,18 +243,16 @@ def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
         raise BadInputError(f"{path}: time of clock must be a whole second, got {toc_s:.6f}")
     toe_s, sent_s = (start_gps_s + float(record[n]) - behind_s for n in ("toe_s", "transmission_s"))
     week = int(toe_s // WEEK_S)
-    numbers = np.zeros(32)  # the last is spare
-    for field, column in PLAIN.items():
-        numbers[column] = record[field]
-    numbers[ROOT_A] = np.sqrt(record["semi_major_axis_m"])
-    numbers[DATA_SOURCE] = record["data_source"]
-    numbers[WEEK] = week - (BDT_WEEK if letter == "C" else 0)
-    numbers[ACCURACY] = record["accuracy_m"]
-    numbers[DELAYS] = record["group_delay_s"]
-    numbers[TRANSMISSION] = sent_s - week * WEEK_S
+    values = {name: float(record[name]) for name in FIELDS} | {
+        "root_a": float(np.sqrt(record["semi_major_axis_m"])),
+        "week": week - (BDT_WEEK if letter == "C" else 0),
+        "delay_1_s": float(record["group_delay_s"][0]),
+        "delay_2_s": float(record["group_delay_s"][1]),
+        "transmission_s": sent_s - week * WEEK_S,
+    }
     if letter not in "EC":
-        numbers[DELAYS.stop - 1], numbers[TRANSMISSION + 1] = record["issue"], 4.0  # IODC, hours
+        values |= {"delay_2_s": float(record["issue"]), "fit": 4.0}  # IODC, hours
     date = " ".join(f"{part:02d}" for part in gps_s_to_date(round(toc_s)))
-    words = [f"{x:19.12E}" for x in numbers.tolist()]
-    rows = ["    " + "".join(words[k : k + 4]) for k in range(3, 31, 4)]
+    words = [f"{values.get(name, 0.0):19.12E}" for name in (*COLUMNS, "", "")]
+    rows = ["    " + "".join(words[k : k + 4]) for k in range(3, len(words), 4)]
     return "\n".join([f"{record['satellite']} {date}{''.join(words[:3])}", *rows, ""])
