@@ -29,7 +29,7 @@ def atomic_file(path: Path, *, tidy: bool = True) -> AbstractContextManager[Path
 
 
 def atomic_folder(path: Path) -> AbstractContextManager[Path]:
-    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new."""
+    """Yield a temporary folder, as ``atomic_file`` does; ``path`` is empty or new."""
     made_folder(path.parent)
     return _atomic(path, Path.mkdir, tidy=True)
 

@@ -147,9 +147,7 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Unused,
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     origin = Origin(**values_of(table.origin, Origin))
-
-    antennas = tuple(one.name for one in table.antenna)
-    at = Surroundings(folder, origin, antennas)
+    at = Surroundings(folder, origin, tuple(antenna.name for antenna in table.antenna))
     fixes = tuple(read_record("fixes", keys, at) for keys in table.fixes)
     single = {
         kind: read_record(kind, keys, at)
@@ -157,18 +155,16 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         if (keys := getattr(table, kind)) is not None
     }
     at = replace(at, fixes=fixes)
-    gnss = table.gnss
+    gnss, initial = table.gnss, table.initial
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
     broadcast, observations, base = _rinex(folder, table, start_gps_s)
-    unused: list[Unused] = []
-    for part in (observations, base.observations if base else None, broadcast, precise):
-        unused += part.unused if part is not None else ()
+    files = (observations, base.observations if base else None, broadcast, precise)
     return Flight(
         name=table.name,
         start_gps_s=start_gps_s,
         origin=origin,
-        antennas=tuple(Antenna(**values_of(one, Antenna)) for one in table.antenna),
+        antennas=tuple(Antenna(**values_of(keys, Antenna)) for keys in table.antenna),
         observations=observations,
         broadcast=broadcast,
         precise=precise,
@@ -180,11 +176,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         **single,
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
-        initial=InitialAttitude(**values_of(table.initial, InitialAttitude))
-        if table.initial
-        else None,
+        initial=InitialAttitude(**values_of(initial, InitialAttitude)) if initial else None,
         networks=networks.manifests(folder, table.network),
-        unused=tuple(unused),
+        unused=tuple(loss for file in files if file is not None for loss in file.unused),
     )
 
 
@@ -204,33 +198,36 @@ def _rinex(
     folder: Path, table: FlightTable, start_gps_s: float
 ) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
     """Return messages, observations of antennas, and of the base."""
-    names = [antenna.name for antenna in table.antenna]
-    files = [antenna.observations for antenna in table.antenna if antenna.observations]
-    if files and len(files) < len(names):
-        lacking = next(antenna.name for antenna in table.antenna if not antenna.observations)
+    given = [antenna.observations for antenna in table.antenna if antenna.observations]
+    lacking = [antenna.name for antenna in table.antenna if not antenna.observations]
+    if given and lacking:
         raise BadInputError(
-            f"antenna {lacking}: observations must be given for all antennas or for none"
+            f"antenna {lacking[0]}: observations must be given for all antennas or for none"
         )
     base = table.gnss.base
-    paths = [folder / name for name in (*files, *([base.observations] if base else []))]
-    if base and not files:
+    if base and not given:
         raise BadInputError("key gnss.base: needs antennas with observations, there are none")
+    paths = [folder / file for file in (*given, *([base.observations] if base else []))]
     messages = [folder / name for name in table.gnss.navigation]
     broadcast, receivers = read_rinex(messages, paths, start_gps_s, table.gnss.signals)
-    if not files:
+    if not given:
         return broadcast, None, None
-    observations = merge(receivers[: len(files)], names)
-    if base is None:
-        return broadcast, observations, None
-    position_e_m = np.array(base.position_e_m)
-    return (broadcast, observations, Base(position_e_m=position_e_m, observations=receivers[-1]))
+    names = [antenna.name for antenna in table.antenna]
+    observations, station = merge(receivers[: len(given)], names), None
+    if base is not None:
+        position_e_m = np.array(base.position_e_m)
+        station = Base(position_e_m=position_e_m, observations=receivers[-1])
+    return broadcast, observations, station
 
 
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:
+    usual = GnssNoise()
     stated = {
         "code_m": gnss.code_noise_m,
         "phase_m": gnss.phase_noise_m,
         "doppler_mps": gnss.doppler_noise_mps,
     }
-    usual = {name: getattr(GnssNoise(), name) for name in stated}
-    return GnssNoise(**filled(stated, usual), **values_of(gnss, GnssNoise))
+    return GnssNoise(
+        **filled(stated, {name: getattr(usual, name) for name in stated}),
+        **values_of(gnss, GnssNoise),
+    )

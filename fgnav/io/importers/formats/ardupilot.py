@@ -91,7 +91,7 @@ def read_ardupilot(path: Path, _settings: Settings, _scratch: Path) -> Recording
 
 
 def _with_velocity(gps: _Message) -> _Message:
-    """Return fixes with their velocity of speed and course, NaN where the log lacks one of these."""
+    """Return fixes with the velocity of speed and course, NaN where the log lacks one."""
     none = np.full(len(gps["t_s"]), np.nan)
     course_rad = np.radians(gps.get("GCrs", none))
     speed_mps = gps.get("Spd", none)

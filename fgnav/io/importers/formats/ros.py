@@ -13,6 +13,7 @@ References
 """
 
 from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -117,22 +118,27 @@ def _topics(path: Path, bag: Any, settings: Settings, counts: Counts) -> set[str
         elif topic not in topics[kind]:
             topics[kind].append(topic)
     for kind, some in topics.items():
-        name = getattr(settings.ros, kind)
-        if name is None and len(some) > 1:
-            message = next(message for message, table in _KINDS.items() if table == kind)
-            raise BadInputError(
-                f"{path}: has {len(some)} topics of {message}, {', '.join(some)}; name one as "
-                f"{kind} in [ros] of --settings"
-            )
-        if name is not None and name not in some:
-            raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(some)}")
-        reasons |= {t: f"{name} is read as {kind}" for t in some if name not in (None, t)}
+        name = _chosen(path, kind, some, getattr(settings.ros, kind))
+        reasons |= {topic: f"{name} is read as {kind}" for topic in some if topic != name}
     for connection in bag.connections:
         if reason := reasons.get(connection.topic):
             kind = _KINDS.get(connection.msgtype, "")
             what = f"{kind} row" if kind in _OPTIONAL else f"{connection.topic} message"
             counts[what, reason] += connection.msgcount
     return {topic for some in topics.values() for topic in some} - set(reasons)
+
+
+def _chosen(path: Path, kind: str, topics: Sequence[str], name: str | None) -> str | None:
+    """Return the topic of a kind that is read: the one that the settings name, or the only one."""
+    if name is None and len(topics) > 1:
+        message = next(message for message, table in _KINDS.items() if table == kind)
+        raise BadInputError(
+            f"{path}: has {len(topics)} topics of {message}, {', '.join(topics)}; name one as "
+            f"{kind} in [ros] of --settings"
+        )
+    if name is not None and name not in topics:
+        raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(topics)}")
+    return name or next(iter(topics), None)
 
 
 def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401

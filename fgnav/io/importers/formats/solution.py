@@ -134,7 +134,9 @@ def solution(
     is_dated, solved = latest_s is not None, _solved(messages)
     for (protocol, name, message), date_s in zip(messages, dates_s, strict=True):
         latest_s = latest_s if date_s is None else date_s
-        t_s, reason = _time_s(protocol, message, date_s, latest_s), _no_use(name, message, solved)
+        t_s = _time_s(protocol, message, date_s, latest_s)
+        is_ubx = protocol == "ubx"
+        reason = _no_use_of_ubx(name, message, solved) if is_ubx else _no_use(name, message)
         if t_s is None or reason:
             counts[f"{name} message", reason or "has no time"] += 1
             continue
@@ -196,19 +198,24 @@ def _solved(messages: Sequence[tuple[str, str, Any]]) -> dict[int, bool]:
     }
 
 
-def _no_use(name: str, message: Any, solved: dict[int, bool]) -> str:  # noqa: ANN401
-    """Return why a message is not used; nothing of one that is."""
-    if name == "NAV-PVT" and not (message.gnssFixOk and message.fixType in (3, 4)):
-        return _NO_FIX_3D
-    if name in (_OLD_UBX, "NAV-VELNED") and not solved.get(message.iTOW, not solved):
-        return _NO_FIX_3D
-    if name == _OLD_UBX and message.hAcc >= _NO_ACCURACY:
-        return _NO_FIX_3D
+def _no_use_of_ubx(name: str, message: Any, solved: dict[int, bool]) -> str:  # noqa: ANN401
+    """Return why a message of u-blox is not used; nothing of one that is."""
+    is_solved = solved.get(message.iTOW, not solved)
+    if name == "NAV-PVT":
+        is_solved = message.gnssFixOk and message.fixType in (3, 4)
+    if name == _OLD_UBX:
+        is_solved = is_solved and message.hAcc < _NO_ACCURACY
     if name == "NAV-RELPOSNED":
         if not (message.gnssFixOK and message.relPosValid and message.carrSoln):
             return "no baseline of carrier phases"
         if not message.isMoving or getattr(message, "relPosNormalized", False):  # not in version 0
             return "from a base that does not move with the vehicle, or without a length"
+        return ""
+    return "" if is_solved or not LAYOUT[name] else _NO_FIX_3D
+
+
+def _no_use(name: str, message: Any) -> str:  # noqa: ANN401
+    """Return why a message of another protocol is not used; nothing of one that is."""
     if getattr(message, "Error", 0) or not getattr(message, "is_computed", True):
         return "no solution was computed"
     if name == "GGA":
@@ -233,7 +240,7 @@ def _date_s(name: str, message: Any) -> float | None:  # noqa: ANN401
         return _gps_s(date(message.year, message.month, message.day), _time_of_day_s(message))
     is_week = name == "NAV-SOL" and message.wknSet and message.towSet
     if is_week or (name == "NAV-TIMEGPS" and message.towValid and message.weekValid):
-        return WEEK_S * message.week + message.iTOW * _MS
+        return float(WEEK_S * message.week + message.iTOW * _MS)
     if hasattr(message, "WNc"):
         return None if message.TOW == _NO_TOW else WEEK_S * message.WNc + message.TOW * _MS
     return getattr(message, "gps_s", None)

@@ -94,7 +94,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     )
 
 
-def _topics(logged: Sequence[Any], counts: Counts) -> dict[str, Message]:
+def _topics(logged: Sequence[Any], counts: Counts) -> dict[str, dict[str, Any]]:
     """Return the messages that are used, by topic, fixes as of ``sensor_gps``; count the others."""
     receivers = [topic for topic in logged if topic.name in (_GPS, _OLD_GPS)]
     used = {
