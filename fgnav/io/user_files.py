@@ -12,9 +12,10 @@ import os
 import re
 import stat
 import zlib
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, Any
 from zipfile import BadZipFile, ZipFile
 
 from fgnav.checks import BadInputError, Unused
@@ -24,6 +25,11 @@ LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 _MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
 PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x1f\x9d": "compress"}
 PACKED[b"PK\x03\x04"] = "zip"
+_OPENERS: dict[str, Callable[[BytesIO], Any]] = {
+    "gzip": lambda content: gzip.GzipFile(fileobj=content),
+    "bzip2": bz2.BZ2File,
+    "xz": lzma.LZMAFile,
+}
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -132,23 +138,20 @@ def plain_name(name: str) -> str:
     return re.sub(r"\.(?:gz|bz2|xz|zip|Z)$", "", name)
 
 
-def _opened(kind: str, content: bytes) -> BinaryIO:
+def _opened(kind: str, content: bytes) -> IO[bytes]:
     """Return a stream of what packed bytes hold."""
-    if kind == "gzip":
-        return gzip.GzipFile(fileobj=BytesIO(content))  # type: ignore[return-value]
-    if kind == "bzip2":
-        return bz2.BZ2File(BytesIO(content))  # type: ignore[return-value]
-    if kind == "xz":
-        return lzma.LZMAFile(BytesIO(content))  # type: ignore[return-value]
-    if kind == "zip":
-        archive = ZipFile(BytesIO(content))
-        names = archive.namelist()
-        if len(names) != 1:
-            raise ValueError(f"it holds {len(names)} files, not one")
-        return archive.open(names[0])  # type: ignore[return-value]
-    from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
+    if kind == "compress":
+        from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
 
-    return BytesIO(decompress(content))
+        return BytesIO(decompress(content))
+    if kind != "zip":
+        stream: IO[bytes] = _OPENERS[kind](BytesIO(content))
+        return stream
+    archive = ZipFile(BytesIO(content))
+    names = archive.namelist()
+    if len(names) != 1:
+        raise ValueError(f"it holds {len(names)} files, not one")
+    return archive.open(names[0])
 
 
 def _too_large(path: Path, what: str, limit: int) -> BadInputError:

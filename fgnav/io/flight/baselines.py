@@ -1,6 +1,6 @@
 """Columns of a baseline between two antennas: a vector, or heading, pitch and length."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,17 +18,12 @@ _VERTICAL = 2.0  # sigma of heights over that of places, by the satellites' geom
 
 
 def baseline_of(
-    samples: Mapping[str, FloatArray],
-    keys: BaselineTable,
-    origin: Origin,
-    fixes: Sequence[Fixes],
-    where: Path,
+    samples: col.Samples, keys: BaselineTable, origin: Origin, fixes: Sequence[Fixes], where: Path
 ) -> Baseline:
     """Return a baseline; sigmas that the samples lack are usual figures.
 
     Parameters
     ----------
-    samples : mapping of str to ndarray, shape (k,)
     keys : BaselineTable
         Antennas, from the first to the second, and the offset of headings.
     fixes : sequence of Fixes
@@ -36,45 +31,35 @@ def baseline_of(
     where : Path
         The file, for error texts.
     """
-    R_nl = _local_axes(origin, fixes, samples["t_s"])
-    _check(samples, where)
-    if keys.heading_offset_deg is not None and col.HEADING[0] in samples:
-        samples = {**samples, col.HEADING[0]: samples[col.HEADING[0]] - keys.heading_offset_deg}
-    elif keys.heading_offset_deg is not None:
+    has_vector, has_heading = (name[0] in samples for name in (col.BASELINE, col.HEADING))
+    if has_vector == has_heading:
+        rule = f"must have {', '.join(col.BASELINE)}, or {col.HEADING[0]}, and not both"
+        raise BadInputError(f"{where}: line 1: {rule}")
+    has_sigma = col.POSITION_SIGMA[0] in samples
+    if has_sigma and not has_vector:
+        needed = f"{col.POSITION_SIGMA[0]} needs {', '.join(col.BASELINE)}"
+        raise BadInputError(f"{where}: line 1: {needed}")
+    if keys.heading_offset_deg is not None and not has_heading:
         raise BadInputError(f"{where}: line 1: heading_offset_deg needs {col.HEADING[0]}")
-    if col.BASELINE[0] in samples:
+    measured: Measured = "vector"
+    if has_vector:
         vector_l, P = _of_vector(samples, where)
     else:
-        vector_l, P = _of_angles(samples, where)
-    is_stated = col.POSITION_SIGMA[0] in samples or col.HEADING_SIGMA[0] in samples
-    measured: Measured = "vector"
-    if col.LENGTH[0] not in samples and col.HEADING[0] in samples:
-        measured = "direction" if col.PITCH[0] in samples else "heading"
+        vector_l, P = _of_angles(samples, where, keys.heading_offset_deg or 0.0)
+        if col.LENGTH[0] not in samples:
+            measured = "direction" if col.PITCH[0] in samples else "heading"
+    R_nl = _local_axes(origin, fixes, samples["t_s"])
     return Baseline(
         t_s=samples["t_s"],
         antennas=keys.antennas,
         vector_n_m=np.einsum("kij,kj->ki", R_nl, vector_l),
         covariance_m2=R_nl @ P @ transpose(R_nl),
         measured=measured,
-        unstated=() if is_stated else ("baseline",),
+        unstated=() if has_sigma or col.HEADING_SIGMA[0] in samples else ("baseline",),
     )
 
 
-def _check(samples: Mapping[str, FloatArray], where: Path | str) -> None:
-    """Raise unless there is a vector or a heading, and nothing without what it belongs to."""
-    if (col.BASELINE[0] in samples) == (col.HEADING[0] in samples):
-        raise BadInputError(
-            f"{where}: line 1: must have {', '.join(col.BASELINE)}, or {col.HEADING[0]}, and not both"
-        )
-    if col.POSITION_SIGMA[0] in samples and col.BASELINE[0] not in samples:
-        raise BadInputError(
-            f"{where}: line 1: {col.POSITION_SIGMA[0]} needs {', '.join(col.BASELINE)}"
-        )
-
-
-def _of_vector(
-    samples: Mapping[str, FloatArray], where: Path | str
-) -> tuple[FloatArray, FloatArray]:
+def _of_vector(samples: col.Samples, where: Path) -> tuple[FloatArray, FloatArray]:
     """Return vectors, (k, 3), and their covariances."""
     vector = col.columns_to_vectors(samples, col.BASELINE)
     sigma = col.stated_sigma(where, samples, col.POSITION_SIGMA)
@@ -88,26 +73,22 @@ def _of_vector(
 
 
 def _of_angles(
-    samples: Mapping[str, FloatArray], where: Path | str
+    samples: col.Samples, where: Path, offset_deg: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return vectors, (k, 3), and covariances by heading, and by pitch and length if any."""
     none = np.zeros(len(samples["t_s"]))
-    heading, pitch = (np.radians(samples.get(name, none)) for name in (*col.HEADING, *col.PITCH))
+    heading = np.radians(samples[col.HEADING[0]] - offset_deg)
+    pitch = np.radians(samples.get(col.PITCH[0], none))
     length_m = samples.get(col.LENGTH[0], none + 1.0)
-
-    def sigma(names: tuple[str, ...]) -> FloatArray | None:
-        stated = col.stated_sigma(where, samples, names)
-        return None if stated is None else stated[:, 0]
-
-    of_heading, of_pitch, of_length = map(
-        sigma, (col.HEADING_SIGMA, col.PITCH_SIGMA, col.LENGTH_SIGMA)
-    )
-    east_m = USUAL_BASELINE_SIGMA_M[1] + none
-    across_m = east_m if of_heading is None else length_m * np.radians(of_heading)
-    down_m = _VERTICAL * across_m if of_pitch is None else length_m * np.radians(of_pitch)
-    if col.PITCH[0] not in samples:
-        down_m = across_m
-    along_m = east_m if of_length is None else of_length
+    across_m: FloatArray = USUAL_BASELINE_SIGMA_M[1] + none
+    along_m = across_m
+    if (sigma_deg := col.stated_sigma(where, samples, col.HEADING_SIGMA)) is not None:
+        across_m = length_m * np.radians(sigma_deg[:, 0])
+    down_m: FloatArray = across_m * (_VERTICAL if col.PITCH[0] in samples else 1.0)
+    if (sigma_deg := col.stated_sigma(where, samples, col.PITCH_SIGMA)) is not None:
+        down_m = length_m * np.radians(sigma_deg[:, 0])
+    if (sigma_m := col.stated_sigma(where, samples, col.LENGTH_SIGMA)) is not None:
+        along_m = sigma_m[:, 0]
     if col.LENGTH[0] not in samples:
         along_m = down_m
     R_la = from_euler(none, pitch, heading)  # of axes along the baseline, right of it, and down

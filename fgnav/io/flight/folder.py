@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, Unused, unused_of
+from fgnav.checks import BadInputError, FloatArray, Unused, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
@@ -15,17 +15,22 @@ from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.series import Surroundings, read_record
-from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import FlightTable, GnssTable, VehicleTable
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
-from fgnav.io.sp3.reader import read_precise
+from fgnav.io.sp3 import read_precise
 from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import Antenna, Base, Flight, GnssNoise, InitialAttitude
 from fgnav.types.instruments import filled
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
+
+# What is a day apart was not recorded on one flight.
+_LONGEST_S = 86_400.0
+# Samples that gaps may lack at a series' own rate, beyond as many as were recorded: 0.3 GB of
+# rotations when they are filled.
+_MOST_MISSING = 1_000_000
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -58,7 +63,7 @@ def load_flight(path: Path | str) -> Flight:
     start_gps_s = flight_toml.gps_seconds(toml, table.start)
     try:
         flight = _flight(toml.parent, table, start_gps_s)
-        check_times(flight)
+        _check_times(flight)
         return replace(flight, unused=(*flight.unused, *_row_losses(toml, table, flight)))
     except BadInputError as error:
         if str(error).startswith(str(toml.parent)):
@@ -231,3 +236,40 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
         **filled(stated, {name: getattr(usual, name) for name in stated}),
         **values_of(gnss, GnssNoise),
     )
+
+
+def _check_times(flight: Flight) -> None:
+    """Raise where a series has a gap, or lies apart from the GNSS record, as no flight's does."""
+    series = {name: one.t_s for name, one in flight.records.items()}
+    if flight.observations is not None:
+        series["observations"] = flight.observations.t_s
+    for name, t_s in series.items():
+        _check_gaps(name, t_s)
+    gnss = next((name for name in series if name.startswith("fixes")), "")
+    gnss = "observations" if flight.observations is not None else gnss
+    if not gnss:
+        return
+    first_s, last_s = series[gnss][[0, -1]]
+    for name, t_s in series.items():
+        off_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
+        if off_s > _LONGEST_S:
+            raise BadInputError(
+                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {off_s:.9g} s apart from "
+                f"those of {gnss}, {first_s:.9g} to {last_s:.9g} s; look at start, and at the week "
+                "number"
+            )
+
+
+def _check_gaps(name: str, t_s: FloatArray) -> None:
+    step_s = np.diff(t_s)
+    if not len(step_s):
+        return
+    usual_s = float(np.median(step_s))
+    missing = (t_s[-1] - t_s[0]) / usual_s - len(step_s)
+    row = int(np.argmax(step_s))
+    if step_s[row] > _LONGEST_S or missing > max(len(t_s), _MOST_MISSING):
+        raise BadInputError(
+            f"{name}: row {row + 2} of the samples has {t_s[row + 1]:.9g} s after {t_s[row]:.9g} "
+            f"s, a gap of {missing:.3g} samples of {usual_s:.3g} s in all; mend the time stamp, or "
+            "split the flight there"
+        )

@@ -17,7 +17,7 @@ from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.flight.series import blocks_of
 from fgnav.io.flight.toml import RECORDS, SEVERAL
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
-from fgnav.io.sp3.writer import write_precise
+from fgnav.io.sp3 import write_precise
 from fgnav.io.tables import write_table
 from fgnav.types.flight import Flight, Photodetector, Truth
 from fgnav.types.vehicle import FinnedVehicle

@@ -14,7 +14,7 @@ from fgnav.io.importers.recording import Recording
 from fgnav.io.rinex.header import Header, read_header
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.text import read_text
-from fgnav.io.sp3.reader import read_precise
+from fgnav.io.sp3 import read_precise
 from fgnav.types.flight import Antenna, Flight
 
 _NOWHERE = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
