@@ -34,7 +34,7 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     Examples
     --------
     >>> read_precise([Path("igs.sp3")], 1_277_078_400.0).satellites
-    ('G01',)
+    ('E07', 'G05')
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")

@@ -90,6 +90,11 @@ def importer_named(name: str) -> Importer:
     ------
     BadInputError
         If there is none; the text lists what there is.
+
+    Examples
+    --------
+    >>> importer_named("ulog").__name__
+    'read_ulog'
     """
     importer: Importer = plugins.named(GROUP, IMPORTERS, name, kind="format")
     return importer

@@ -89,7 +89,7 @@ def guessed(path: Path) -> CsvTable:
 
     Examples
     --------
-    >>> _ = Path("unit.csv").write_text("t [ms],ax,ay,az\\n0,0,0,-9.8\\n10,0,0,-9.8\\n")
+    >>> _ = Path("unit.csv").write_text("t [ms],ax,ay,az\n0,0,0,-9.8\n10,0,0,-9.8\n")
     >>> table = guessed(Path("unit.csv"))
     >>> table.table, table.columns["fz_mps2"], table.units
     ('imu', 'az', {'s': 'ms', 'mps2': 'm/s2'})

@@ -27,6 +27,11 @@ def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[st
     ----------
     format : str or None
         Its format, where the user states it.
+
+    Examples
+    --------
+    >>> recognised(Path("igs.sp3"), Path())
+    ('sp3', PosixPath('igs.sp3'))
     """
     file = plain(path, scratch)
     name = format or ("rosbag" if file.is_dir() else _format(file))

@@ -138,5 +138,12 @@ class Settings(Table, frozen=True, kw_only=True):
 
 
 def read_settings(path: Path | None) -> Settings:
-    """Read settings; those of an empty file without a path."""
+    r"""Read settings; those of an empty file without a path.
+
+    Examples
+    --------
+    >>> _ = Path("drone.toml").write_text('name = "drone"\nimu = { clock_offset_s = 0.1 }\n')
+    >>> read_settings(Path("drone.toml")).imu.clock_offset_s
+    0.1
+    """
     return Settings() if path is None else as_table(path, read_toml(path), Settings)

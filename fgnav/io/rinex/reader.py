@@ -15,7 +15,13 @@ from fgnav.types.orbits import BroadcastOrbits
 
 
 def read_navigation(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbits:
-    """Read broadcast messages, as ``read_rinex`` does, of one file or more."""
+    """Read broadcast messages, as ``read_rinex`` does, of one file or more.
+
+    Examples
+    --------
+    >>> read_navigation([Path("demo/flight/broadcast.rnx")], 1_277_078_400.0).records["satellite"]
+    array(['C11', 'E07', 'G05', 'J02'], dtype='<U3')
+    """
     broadcast, _ = read_rinex(paths, [], start_gps_s)
     if broadcast is None:
         raise BadInputError("navigation: must name a file, the list is empty")
@@ -47,6 +53,12 @@ def read_rinex(
         GPS, Galileo, BeiDou and QZSS; everything else is counted. None without files.
     list of Observations
         Of one antenna each, in the order of the paths.
+
+    Examples
+    --------
+    >>> _, (observations,) = read_rinex([], [Path("demo/flight/a1.rnx")], 1_277_078_400.0)
+    >>> observations.satellites[0], observations.signals[0]
+    ('C11', '2I')
     """
     texts = [read_text(path) for path in receivers]
     headers = [read_header(p, t, "observations") for p, t in zip(receivers, texts, strict=True)]

@@ -51,6 +51,18 @@ def write_observations(
     position_e_m : ndarray, shape (3,)
         Approximate position for the header.
     version : {"3.04", "4.00"}
+
+    Examples
+    --------
+    >>> flight = load_flight("demo/flight")
+    >>> write_observations(
+    ...     Path("a.rnx"),
+    ...     flight.observations,
+    ...     0,
+    ...     start_gps_s=flight.start_gps_s,
+    ...     marker="a1",
+    ...     position_e_m=flight.origin.p_e_m,
+    ... )
     """
     _check_version(version)
     for satellite in observations.satellites:
@@ -185,6 +197,11 @@ def write_navigation(
     start_gps_s : float
         GPS time of ``t_s = 0``.
     version : {"3.04", "4.00"}
+
+    Examples
+    --------
+    >>> flight = load_flight("demo/flight")
+    >>> write_navigation(Path("n.rnx"), flight.broadcast, start_gps_s=flight.start_gps_s)
     """
     _check_version(version)
     fourth, model = version == "4.00", broadcast.klobuchar

@@ -28,7 +28,7 @@ NO_HEIGHT = {"ulg": "has no height (fix_type)", "BIN": "has no height (Status)"}
 LOSSES = {  # of what all have: the first fix
     "ulg 2021": {"is not valid, of a float solution or of a still base": 1},
     "ulg 2024": {"is not valid, of a float solution or of a still base": 1},
-    "BIN 2024": {"of another instance": 100, "of no fix's time": 1},
+    "BIN 2024": {"of another instance": 100, "of no time of fixes": 1},
     "BIN 2014": {},
 }
 LOSSES |= {name: {"has no sigma_n_m, as most have": 1} for name in ("bag", "mcap", "db3")}

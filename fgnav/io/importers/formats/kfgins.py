@@ -26,7 +26,15 @@ _LONG = 1.5  # of the usual interval: the unit's clock has a gap there
 
 
 def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
-    """Read one file, told by its columns: 7 of increments or fixes, 11 of a reference."""
+    r"""Read one file, told by its columns: 7 of increments or fixes, 11 of a reference.
+
+    Examples
+    --------
+    >>> fixes = "456300 30.4 114.4 22 .01 .01 .02\n456301 30.4 114.4 23 .01 .01 .02\n"
+    >>> _ = Path("gnss.txt").write_text(fixes)
+    >>> read_kfgins(Path("gnss.txt"), Settings(), Path()).clock
+    'week'
+    """
     whole, lost = read_lines(path)
     lines = [line for line in whole if line.strip() and line[0] not in "#%"]
     try:

@@ -43,8 +43,8 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
 
     Examples
     --------
-    >>> head = "% GPST latitude(deg) longitude(deg) height(m) Q\\n"
-    >>> _ = Path("a.pos").write_text(head + "2374 243258.500 40.0 -4.0 700.0 1\\n")
+    >>> head = "% GPST latitude(deg) longitude(deg) height(m) Q\n"
+    >>> _ = Path("a.pos").write_text(head + "2374 243258.500 40.0 -4.0 700.0 1\n")
     >>> read_pos(Path("a.pos"), Settings(), Path()).gps_start_s
     1436038458.5
     """

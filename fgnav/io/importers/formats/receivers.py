@@ -44,8 +44,8 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
 
     Examples
     --------
-    >>> sentences = "$GPRMC,120000,A,,,,,,,010124,,,A\\r\\n$GPGGA,120000,4019.8,N,00352.8,W,"
-    >>> _ = Path("a.nmea").write_text(sentences + "1,8,1,649,M,51,M,,\\r\\n", newline="")
+    >>> sentences = "$GPRMC,120000,A,,,,,,,010124,,,A\r\n$GPGGA,120000,4019.8,N,00352.8,W,"
+    >>> _ = Path("a.nmea").write_text(sentences + "1,8,1,649,M,51,M,,\r\n", newline="")
     >>> recording = read_stream(Path("a.nmea"), Settings(), Path())
     >>> recording.tables["fixes"]["height_m"].tolist(), recording.notes["nmea"]
     ([700.0], 'its 2 sentences have no checksums: what is damaged in them is not noticed')

@@ -46,7 +46,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
 
     Examples
     --------
-    >>> _ = Path("height.csv").write_text("time,alt\\n0,700\\n1,701\\n")
+    >>> _ = Path("height.csv").write_text("time,alt\n0,700\n1,701\n")
     >>> table = CsvTable(table="barometer", columns={"t_s": "time", "height_m": "alt"})
     >>> noise = BarometerKeys(noise_m=0.5, offset_m=30.0)
     >>> recording = read_csv(Path("height.csv"), Settings(csv=(table,), barometer=noise), Path())
