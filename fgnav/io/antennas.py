@@ -72,26 +72,26 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         only = per_antenna[0]
         return replace(only, unused=_named(only.unused, names[0]))
     t_s = per_antenna[0].t_s
-    pairs = [list(zip(one.satellites, one.signals, strict=True)) for one in per_antenna]
+    pairs = [list(zip(some.satellites, some.signals, strict=True)) for some in per_antenna]
     channels = sorted({pair for some in pairs for pair in some})
     shape = (len(t_s), len(per_antenna), len(channels))
     arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in _VALUES}
     arrays["lock_flags"] = np.zeros(shape, np.uint8)
     tag_s = np.repeat(t_s[:, None], len(per_antenna), axis=1)
     unused: list[Unused] = []
-    for a, (one, name) in enumerate(zip(per_antenna, names, strict=True)):
-        rows, common = _matched(t_s, one.t_s)
+    for a, (receiver, name) in enumerate(zip(per_antenna, names, strict=True)):
+        rows, common = _matched(t_s, receiver.t_s)
         if not len(rows):
             raise BadInputError(f"antenna {name}: shares no epoch with antenna {names[0]}")
         columns = np.array([channels.index(pair) for pair in pairs[a]], int)
         for field, array in arrays.items():
-            array[np.ix_(common, np.array([a]), columns)] = getattr(one, field)[rows]
-        tag_s[common, a] = one.tag_s[rows, 0]
-        unused += _named(one.unused, name)
-        if len(rows) < len(one.t_s):
+            array[np.ix_(common, np.array([a]), columns)] = getattr(receiver, field)[rows]
+        tag_s[common, a] = receiver.tag_s[rows, 0]
+        unused += _named(receiver.unused, name)
+        if len(rows) < len(receiver.t_s):
             reason = f"the reference antenna {names[0]} has no such epoch"
             unused.append(
-                Unused(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(rows))
+                Unused(what=f"{name} epoch", reason=reason, count=len(receiver.t_s) - len(rows))
             )
     return Observations(
         t_s=t_s,
@@ -109,11 +109,11 @@ def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArr
     before = after - 1
     after = after.clip(max=len(reference_s) - 1)
     nearer = np.abs(reference_s[after] - t_s) < np.abs(reference_s[before] - t_s)
-    row = np.where(nearer, after, before)
-    mine = np.flatnonzero(np.abs(reference_s[row] - t_s) <= tolerance_s(reference_s))
+    nearest = np.where(nearer, after, before)
+    mine = np.flatnonzero(np.abs(reference_s[nearest] - t_s) <= tolerance_s(reference_s))
     # Two epochs of one receiver within the tolerance of one of the reference: the first counts.
-    _, first = np.unique(row[mine], return_index=True)
-    return mine[first], row[mine[first]]
+    _, first = np.unique(nearest[mine], return_index=True)
+    return mine[first], nearest[mine[first]]
 
 
 def _named(unused: tuple[Unused, ...], name: str) -> tuple[Unused, ...]:

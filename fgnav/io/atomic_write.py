@@ -37,23 +37,23 @@ def atomic_folder(path: Path) -> AbstractContextManager[Path]:
 @contextmanager
 def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator[Path]:
     """Yield what is made beside ``path`` and takes its name."""
-    part = _part(path)
+    temporary = _temporary(path)
     try:
-        make(part)
+        make(temporary)
         if tidy:
             _remove_leftovers(path)
-        yield part
-        part.replace(path)
+        yield temporary
+        temporary.replace(path)
     except OSError as error:
         raise _cannot_be_written(path, error) from error
     finally:
-        _remove(part)
+        _remove(temporary)
 
 
 def write_text(path: Path, text: str, *, tidy: bool = True) -> None:
     """Write a text file, whole or not at all; parameters and errors as of ``atomic_file``."""
-    with atomic_file(path, tidy=tidy) as part:
-        part.write_text(text, encoding="utf-8")
+    with atomic_file(path, tidy=tidy) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def check_place(path: Path) -> None:
@@ -66,7 +66,7 @@ def check_place(path: Path) -> None:
 
 def check_folder(path: Path) -> None:
     """Raise unless a folder is there to be written, or could be made; nothing is made yet."""
-    nearest = next((one for one in (path, *path.parents) if one.exists()), Path())
+    nearest = next((parent for parent in (path, *path.parents) if parent.exists()), Path())
     if not nearest.is_dir():
         raise _file_in_way(nearest)
     if not os.access(nearest, os.W_OK | os.X_OK):
@@ -78,7 +78,7 @@ def made_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        file = next((one for one in (path, *path.parents) if one.is_file()), path)
+        file = next((parent for parent in (path, *path.parents) if parent.is_file()), path)
         raise _file_in_way(file) from None
     except OSError as error:
         raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
@@ -89,7 +89,7 @@ def _file_in_way(path: Path) -> BadInputError:
     return BadInputError(f"{path}: is a file, not a folder; name another place")
 
 
-def _part(path: Path) -> Path:
+def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.part")
 
 

@@ -39,7 +39,7 @@ def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
     files = [(path.name, *_read(path, start_gps_s)) for path in paths]
-    files.sort(key=lambda one: float(one[1].t_s[0]))
+    files.sort(key=lambda file: float(file[1].t_s[0]))
     satellites = sorted({satellite for _, file, _ in files for satellite in file.satellites})
     parts, counts, end_s = list[tuple[FloatArray, ...]](), Counter[tuple[str, str]](), -np.inf
     for name, file, lost in files:
@@ -71,25 +71,27 @@ def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[
     t_s = gps_of(dates_s, scale) - start_gps_s
     good = np.isfinite(t_s)
     good[good] = increasing(t_s[good])
-    row = np.searchsorted(epochs, records) - 1
-    values, whole = _numbers([lines[k] for k in records.tolist()])
+    epoch = np.searchsorted(epochs, records) - 1
+    values, is_whole = _numbers([lines[k] for k in records.tolist()])
     number = {name: k for k, name in enumerate(satellites)}
     column = np.array([number.get(_name(lines[k][1:4]), -1) for k in records.tolist()], np.int64)
-    whole &= (column >= 0) & (row >= 0)
-    _, first = np.unique(row[whole] * len(satellites) + column[whole], return_index=True)
-    whole[np.delete(np.flatnonzero(whole), first)] = False  # the first of equal ones counts
-    usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
+    is_whole &= (column >= 0) & (epoch >= 0)
+    _, first = np.unique(epoch[is_whole] * len(satellites) + column[is_whole], return_index=True)
+    is_whole[np.delete(np.flatnonzero(is_whole), first)] = False  # the first of equal ones counts
+    usable = (
+        is_whole & good[np.maximum(epoch, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
+    )
     if not usable.any():
         raise BadInputError(
             f"{path}: must hold a position of a satellite, has none; fetch it again"
         )
     x = np.full((len(epochs), len(satellites), 4), np.nan)
-    x[row[usable], column[usable]] = values[usable]
+    x[epoch[usable], column[usable]] = values[usable]
     x[(x[..., :3] == 0).all(axis=-1), :3] = np.nan
     x[np.abs(x[..., 3]) >= np.floor(_NO_CLOCK_US), 3] = np.nan
     counts = Counter[tuple[str, str]]()
     reason = "no four numbers with six decimals, or no satellite of the header, or twice"
-    counts[f"{path.name} record", reason] = int((~whole).sum())
+    counts[f"{path.name} record", reason] = int((~is_whole).sum())
     reason = "an epoch has fewer than the header has satellites"
     counts[f"{path.name} record", reason] = max(x[..., 0].size - len(records), 0)
     counts[f"{path.name} epoch", "no date, or not later than all before"] = int((~good).sum())
@@ -153,8 +155,8 @@ def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
     # Six decimals at fixed columns: a shifted or shortened number would parse to another value.
     letters = fields.view("S1").reshape(len(fields), 4, 14)
     digits = np.char.isdigit(letters[:, :, [6, 8, 13]]).all(axis=(1, 2))
-    whole = np.isfinite(values).all(axis=1) & (letters[:, :, 7] == b".").all(axis=1) & digits
-    return values, whole
+    is_whole = np.isfinite(values).all(axis=1) & (letters[:, :, 7] == b".").all(axis=1) & digits
+    return values, is_whole
 
 
 def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> None:

@@ -90,8 +90,8 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
         item: inspect.Type = inspect.AnyType()
         if isinstance(info, inspect.ListType | inspect.VarTupleType):
             item = info.item_type
-        for row, inner in enumerate(value):
-            _check_keys(f"{where}[{row}]", inner, item)
+        for number, inner in enumerate(value):
+            _check_keys(f"{where}[{number}]", inner, item)
     if not isinstance(value, Mapping):
         return
     allowed = _known(where, value, info)

@@ -94,10 +94,10 @@ def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
     most = np.array([largest(name) for name in names])
     beyond = ~(np.abs(values) <= most)
     if beyond.any():
-        row, column = np.argwhere(beyond)[0]
-        got_value, name = values[row, column], names[column]
+        line, column = np.argwhere(beyond)[0]
+        got_value, name = values[line, column], names[column]
         rule = "finite" if not np.isfinite(got_value) else f"within {most[column]:g} of 0"
-        raise BadInputError(f"{path}: line {row + 2}: {name} must be {rule}, got {got_value:.9g}")
+        raise BadInputError(f"{path}: line {line + 2}: {name} must be {rule}, got {got_value:.9g}")
     return values
 
 
@@ -167,7 +167,7 @@ def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[
     formats : mapping of str to str
         printf formats by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
     """
-    row = ",".join(
+    form = ",".join(
         next((form for end, form in formats.items() if name.endswith(end)), "%.12g")
         for name in columns
     )
@@ -176,4 +176,4 @@ def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[
         file.write(",".join(columns) + "\n")
         for start in range(0, len(values), _ROWS_AT_ONCE):
             block = values[start : start + _ROWS_AT_ONCE]
-            file.write((row + "\n") * len(block) % tuple(block.ravel().tolist()))
+            file.write((form + "\n") * len(block) % tuple(block.ravel().tolist()))

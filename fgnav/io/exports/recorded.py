@@ -89,7 +89,7 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
         "head": np.array(msgspec.json.encode(head, enc_hook=_plain).decode()),
         **arrays,
     }
-    with atomic_file(Path(path)) as part, part.open("wb") as file:
+    with atomic_file(Path(path)) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **content)
 
 

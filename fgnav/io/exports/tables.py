@@ -90,8 +90,8 @@ def write_csv(recorded: RecordedEstimate, path: Path) -> None:
     """
     table = _every_column(recorded)
     rows = np.column_stack(list(table.values()))
-    with atomic_file(path) as part:
-        np.savetxt(part, rows, fmt="%.17g", delimiter=",", header=",".join(table), comments="")
+    with atomic_file(path) as temporary:
+        np.savetxt(temporary, rows, fmt="%.17g", delimiter=",", header=",".join(table), comments="")
 
 
 def write_parquet(recorded: RecordedEstimate, path: Path) -> None:
@@ -112,8 +112,8 @@ def write_parquet(recorded: RecordedEstimate, path: Path) -> None:
         "start_gps_s": repr(recorded.start_gps_s),
     }
     table = Table.from_pydict(_every_column(recorded)).replace_schema_metadata(metadata)
-    with atomic_file(path) as part:
-        write_table(table, part)
+    with atomic_file(path) as temporary:
+        write_table(table, temporary)
 
 
 def _every_column(recorded: RecordedEstimate) -> dict[str, FloatArray]:

@@ -113,8 +113,8 @@ def write_tum(recorded: RecordedEstimate, path: Path) -> None:
         "timestamp tx ty tz qx qy qz qw"
     )
     table = np.column_stack([*stamps, track.p_n_m, x, y, z, w])
-    with atomic_file(path) as part:
-        np.savetxt(part, table, fmt="%d.%06d" + 7 * " %.9f", header=head)
+    with atomic_file(path) as temporary:
+        np.savetxt(temporary, table, fmt="%d.%06d" + 7 * " %.9f", header=head)
 
 
 def write_pos(recorded: RecordedEstimate, path: Path) -> None:
@@ -145,9 +145,9 @@ def write_pos(recorded: RecordedEstimate, path: Path) -> None:
     blocks = [when, track.place, flags, position_roots, age, velocity, velocity_roots]
     form = "%s %15.9f %14.9f %12.4f %3d %3d" + 6 * " %8.4f" + " %6.2f %6.1f" + 3 * " %10.5f"
     head = f"% program   : fgnav {recorded.estimate.method}\n{_POS_HEAD}"
-    with atomic_file(path) as part:
+    with atomic_file(path) as temporary:
         table = np.column_stack(blocks)
-        np.savetxt(part, table, fmt=form + 6 * " %8.4f", header=head, comments="")
+        np.savetxt(temporary, table, fmt=form + 6 * " %8.4f", header=head, comments="")
 
 
 def _roots(covariance: FloatArray) -> FloatArray:

@@ -91,10 +91,10 @@ def stated_sigma(
     sigma = columns_to_vectors(samples, names)
     wrong = sigma < LEAST_SIGMA
     if wrong.any():
-        row, column = np.argwhere(wrong)[0]
+        index, column = np.argwhere(wrong)[0]
         raise BadInputError(
-            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
-            f"got {sigma[row, column]:.9g}"
+            f"{where}: line {index + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+            f"got {sigma[index, column]:.9g}"
         )
     return sigma
 

@@ -251,12 +251,12 @@ def _check_times(flight: Flight) -> None:
         return
     first_s, last_s = series[gnss][[0, -1]]
     for name, t_s in series.items():
-        off_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
-        if off_s > _LONGEST_S:
+        apart_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
+        if apart_s > _LONGEST_S:
+            span = f"those of {gnss}, {first_s:.9g} to {last_s:.9g} s"
             raise BadInputError(
-                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {off_s:.9g} s apart from "
-                f"those of {gnss}, {first_s:.9g} to {last_s:.9g} s; look at start, and at the week "
-                "number"
+                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {apart_s:.9g} s apart "
+                f"from {span}; look at start, and at the week number"
             )
 
 
@@ -266,10 +266,10 @@ def _check_gaps(name: str, t_s: FloatArray) -> None:
         return
     usual_s = float(np.median(step_s))
     missing = (t_s[-1] - t_s[0]) / usual_s - len(step_s)
-    row = int(np.argmax(step_s))
-    if step_s[row] > _LONGEST_S or missing > max(len(t_s), _MOST_MISSING):
+    k = int(np.argmax(step_s))
+    if step_s[k] > _LONGEST_S or missing > max(len(t_s), _MOST_MISSING):
         raise BadInputError(
-            f"{name}: row {row + 2} of the samples has {t_s[row + 1]:.9g} s after {t_s[row]:.9g} "
-            f"s, a gap of {missing:.3g} samples of {usual_s:.3g} s in all; mend the time stamp, or "
+            f"{name}: row {k + 2} of the samples has {t_s[k + 1]:.9g} s after {t_s[k]:.9g} s, a "
+            f"gap of {missing:.3g} samples of {usual_s:.3g} s in all; mend the time stamp, or "
             "split the flight there"
         )

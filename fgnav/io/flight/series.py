@@ -148,11 +148,11 @@ def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
         Roll, pitch, yaw by which the unit, its axes so named, is turned against the body.
     """
     P = np.zeros((3, 3))
-    for row, axis in enumerate(axes):
+    for number, axis in enumerate(axes):
         name = axis.removeprefix("-")
         if name not in FORWARD_RIGHT_DOWN:
             raise BadInputError(f"imu axes: must be x, y, z, -x, -y or -z, got {quoted(axis)}")
-        P[row, FORWARD_RIGHT_DOWN.index(name)] = -1.0 if axis.startswith("-") else 1.0
+        P[number, FORWARD_RIGHT_DOWN.index(name)] = -1.0 if axis.startswith("-") else 1.0
     if round(float(np.linalg.det(P))) != 1:  # 0: an axis twice; -1: left-handed
         raise BadInputError(
             f"imu axes: must be a right-handed triad such as -x, y, -z, got {', '.join(axes)}; "

@@ -237,7 +237,7 @@ class FlightTable(Table, frozen=True, kw_only=True):
         """Tables of records, in the order of ``Flight.records``."""
         single = (self.photodetector, self.barometer, self.magnetometer, self.truth)
         tables = (self.imu, *self.fixes, *self.baseline, *single)
-        return [one for one in tables if one is not None]
+        return [table for table in tables if table is not None]
 
 
 def read_flight_toml(path: Path) -> FlightTable:

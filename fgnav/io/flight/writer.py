@@ -58,7 +58,7 @@ def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]
     Of several files of orbits nobody knows how many each holds: they are not in it.
     """
     records = flight.records.values()
-    counts = {k.samples: len(one.t_s) for k, one in zip(table.sampled, records, strict=True)}
+    counts = {k.samples: len(record.t_s) for k, record in zip(table.sampled, records, strict=True)}
     if len(table.gnss.orbits) == 1 and flight.precise is not None:
         counts[table.gnss.orbits[0]] = len(flight.precise.t_s)
     if len(table.gnss.navigation) == 1 and flight.broadcast is not None:
@@ -79,8 +79,8 @@ def _antennas(
     for k, antenna in enumerate(flight.antennas):
         file_name = None
         if flight.observations is not None:
-            plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
-            file_name = f"{antenna.name if plain else f'antenna-{k + 1}'}.rnx"
+            is_plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
+            file_name = f"{antenna.name if is_plain else f'antenna-{k + 1}'}.rnx"
             if (folder / file_name).exists():  # names that differ in case only
                 file_name = f"antenna-{k + 1}.rnx"
             write_observations(

@@ -54,7 +54,7 @@ FORMATS = {
     ),
     "sp3": Format("receivers:read_sp3_file", line=rb"#[a-d][PV]\d{4} ", suffix=".sp3"),
 }
-IMPORTERS = {name: f"fgnav.io.importers.formats.{one.importer}" for name, one in FORMATS.items()}
+IMPORTERS = {name: f"fgnav.io.importers.formats.{spec.importer}" for name, spec in FORMATS.items()}
 
 
 class Importer(Protocol):

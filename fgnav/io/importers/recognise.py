@@ -59,18 +59,18 @@ def _format(path: Path) -> str:
     with path.open("rb") as file:
         head = unmarked(file.read(_HEAD_BYTES))
     lines = head.split(b"\n")
-    for name, one in FORMATS.items():
-        if head.startswith(one.begins) or any(re.match(one.line, line) for line in lines):
+    for name, spec in FORMATS.items():
+        if head.startswith(spec.begins) or any(re.match(spec.line, line) for line in lines):
             return name
     suffix = path.suffix.lower()
-    named = next((name for name, one in FORMATS.items() if suffix and one.suffix == suffix), None)
+    named = next((name for name, spec in FORMATS.items() if suffix and spec.suffix == suffix), None)
     if named not in (None, "csv"):
         return str(named)
     text = head.decode(encoding_of(head[:4]), "replace")
     whole = text.splitlines()[: -1 if len(head) == _HEAD_BYTES else None]
     rows = [line.replace(",", " ").split() for line in whole]
-    rows = [row for row in rows if row and all(map(is_number, row))]
-    width = {len(row) for row in rows}
+    rows = [cells for cells in rows if cells and all(map(is_number, cells))]
+    width = {len(cells) for cells in rows}
     is_table = len(rows) > 1 and len(width) == 1 and width <= {7, 11} and b"," not in head
     if is_table and _is_kfgins(np.array(rows, np.float64)):
         return "kfgins"
@@ -90,5 +90,5 @@ def _is_kfgins(x: FloatArray) -> bool:
     if shift:
         return bool((x[:, 0] == np.round(x[:, 0])).all() and (np.abs(x[:, 2]) <= 90).all())
     largest = np.abs(x).max(axis=0)
-    places = largest[1] <= 90 and largest[2] <= 180 and (x[:, 4:] > 0).all()
-    return bool(is_increments(x) or (places and (x[:, 1:3] % 1e-3 != 0).any()))
+    is_fix = largest[1] <= 90 and largest[2] <= 180 and (x[:, 4:] > 0).all()
+    return bool(is_increments(x) or (is_fix and (x[:, 1:3] % 1e-3 != 0).any()))

@@ -69,7 +69,7 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Drop unused of nothing; reject an empty file, and columns that no flight has."""
-        object.__setattr__(self, "unused", tuple(one for one in self.unused if one.count))
+        object.__setattr__(self, "unused", tuple(loss for loss in self.unused if loss.count))
         files = (*self.observations, *self.navigation, *self.orbits)
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")

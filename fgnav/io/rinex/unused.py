@@ -65,12 +65,12 @@ def count_end(header: Header, ticks: IntArray, counts: Counts) -> None:
     """Count the epochs between the last one and the last one that the header announces."""
     if not np.isfinite(header.last_gps_s):
         return
-    rest = to_ticks(header.last_gps_s) - int(ticks[-1])
+    remainder = to_ticks(header.last_gps_s) - int(ticks[-1])
     if len(ticks) > 1:
-        missing = round(rest / int(np.median(np.diff(ticks))))
+        missing = round(remainder / int(np.median(np.diff(ticks))))
     elif header.interval_s:
-        missing = round(rest / (header.interval_s * TICKS_PER_S))
+        missing = round(remainder / (header.interval_s * TICKS_PER_S))
     else:  # of one epoch nothing tells the interval: one at least
-        missing = int(rest > 0)
+        missing = int(remainder > 0)
     reason = "the header announces a later end: the file may be cut"
     counts[f"{header.path.name} epoch", reason] += max(missing, 0)

@@ -47,7 +47,10 @@ _LAYOUT = {
     ),
 }
 _NEEDED = {
-    name: ["TimeUS", *(one for fields in some for one in fields.names if one not in _VELOCITY)]
+    name: [
+        "TimeUS",
+        *(field for fields in some for field in fields.names if field not in _VELOCITY),
+    ]
     for name, some in _LAYOUT.items()
 }
 _NEEDED["GPS"] += ["Status", "GMS", "GWk"]

@@ -35,8 +35,8 @@ def read_kfgins(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     >>> read_kfgins(Path("gnss.txt"), Settings(), Path()).clock
     'week'
     """
-    whole, lost = read_lines(path)
-    lines = [line for line in whole if line.strip() and line[0] not in "#%"]
+    text, lost = read_lines(path)
+    lines = [line for line in text if line.strip() and line[0] not in "#%"]
     try:
         x = np.loadtxt(lines, ndmin=2, comments=None) if lines else np.zeros((0, 0))
     except ValueError as error:

@@ -48,8 +48,8 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     >>> read_pos(Path("a.pos"), Settings(), Path()).gps_start_s
     1436038458.5
     """
-    whole, lost = read_lines(path)
-    lines = [line.translate(_SEPARATORS) for line in whole]
+    text, lost = read_lines(path)
+    lines = [line.translate(_SEPARATORS) for line in text]
     head = next((line for line in lines if line.startswith("%") and "Q" in line.split()), "")
     names = head.lstrip("% ").split()
     if not names or names[0] not in _ZONES:
@@ -59,7 +59,7 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         )
     names = [w for n in names for w in ((n + "d", n + "m", n + "s") if n in _MINUTES else (n,))]
     rows = [line.split() for line in lines if line and line[0] != "%"]
-    complete = [row for row in rows if len(row) == len(names) + 1]  # a time has two words
+    complete = [words for words in rows if len(words) == len(names) + 1]  # a time has two words
     if not complete:
         rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
         raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
@@ -107,10 +107,10 @@ def _with_degrees(path: Path, columns: dict[str, FloatArray]) -> set[str]:
     if {*words, "height(m)"} <= set(columns):
         angles = np.stack([columns[name] for name in words]).reshape(2, 3, -1)
         size_deg = np.einsum("ijk,j->ik", np.abs(angles), [1.0, 1 / 60, 1 / 3600])
-        place = np.copysign(size_deg, angles[:, 0])  # -0 degrees are south or west
+        position = np.copysign(size_deg, angles[:, 0])  # -0 degrees are south or west
     elif set(_ECEF) <= set(columns):
-        place = geodetic(np.stack([columns[name] for name in _ECEF], axis=1)).T
-        place[:2] = np.degrees(place[:2])
+        position = geodetic(np.stack([columns[name] for name in _ECEF], axis=1)).T
+        position[:2] = np.degrees(position[:2])
     elif set(_DEGREES) <= set(columns):
         return others
     else:
@@ -118,5 +118,5 @@ def _with_degrees(path: Path, columns: dict[str, FloatArray]) -> set[str]:
             f"{path}: positions must be latitude(deg), longitude(deg), height(m) or x/y/z-ecef(m); "
             "set out-solformat to llh or xyz"
         )
-    columns |= dict(zip(_DEGREES, place, strict=False))
+    columns |= dict(zip(_DEGREES, position, strict=False))
     return others
