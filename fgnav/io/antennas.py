@@ -22,24 +22,15 @@ def interval_s(t_s: FloatArray) -> float:
 
 
 def tolerance_s(t_s: FloatArray) -> float:
-    """Return how far two receivers' tags of one epoch may lie apart."""
+    """Return the largest difference of two receivers' timestamps of an epoch."""
     return min(_TOLERANCE * interval_s(t_s), _LARGEST_TOLERANCE_S)
 
 
 def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
-    """Return the epochs a receiver aimed at: time tags on the grid of their interval, or of 1 s.
+    """Return the epochs a receiver aimed at, (n,): timestamps on the grid of their interval.
 
-    Parameters
-    ----------
-    tag_s : ndarray, shape (n,)
-        Time tags since the start.
-    start_gps_s : float
-        The start; the grid is that of GPS time.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The tags themselves if they keep no grid of whole milliseconds.
+    The grid is that of GPS time, of 1 s at most; timestamps that keep none of whole milliseconds
+    stay as they are.
     """
     step_s = min(max(round(interval_s(tag_s) / _GRID_S), 1) * _GRID_S, 1.0)
     step = round(step_s * TICKS_PER_S)
@@ -53,18 +44,8 @@ def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
 def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observations:
     """Merge observations of one antenna each; the first is the reference and gives the epochs.
 
-    Parameters
-    ----------
-    per_antenna : sequence of Observations
-        One antenna each.
-    names : sequence of str
-        Their names, for the unused.
-
-    Returns
-    -------
-    Observations
-        On the reference antenna's epochs and the union of channels. An antenna without an epoch has
-        gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
+    They have the union of channels. An antenna without an epoch has gaps there, and the epoch
+    itself as its timestamp. Epochs that the reference lacks are counted.
     """
     if not per_antenna:
         raise BadInputError("antennas: at least one is needed")

@@ -23,20 +23,10 @@ def read_table(
     *,
     increasing: str = "t_s",
 ) -> dict[str, FloatArray]:
-    """Read a table whose first column increases.
+    """Read the columns of a table, (k,) each, of which one must increase.
 
-    Parameters
-    ----------
-    required : sequence of str
-        Columns that must be there, in any order.
-    optional : sequence of sequence of str
-        Groups of columns that are there in full or not at all.
-    increasing : str
-        Name of the column whose values must increase.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (k,)
+    Those that are required stand in any order; groups that are optional are there in full or not
+    at all.
     """
     content = read_bytes(path, is_text=True)
     names, body = _head(path, content)
@@ -159,13 +149,9 @@ def numbers(texts: np.ndarray) -> FloatArray:
 
 
 def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:
-    """Write a table.
+    """Write columns, (k,) each.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (k,)
-    formats : mapping of str to str
-        printf formats by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
+    Formats are printf's by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
     """
     form = ",".join(
         next((form for end, form in formats.items() if name.endswith(end)), "%.12g")

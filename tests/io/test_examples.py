@@ -23,10 +23,8 @@ from fgnav.types.flight import Flight
 from tests.io.flights import START_GPS_S, whole_flight
 from tests.io.test_exports import ORIGIN, estimate
 
-PLACES = [*importers.IMPORTERS.values(), *exports.EXPORTERS.values()]
-PUBLIC = [
-    getattr(import_module(place.partition(":")[0]), place.partition(":")[2]) for place in PLACES
-]
+PUBLIC = [importers.importer_named(name) for name in importers.IMPORTERS]
+PUBLIC += [exports.exporter_named(name) for name in exports.EXPORTERS]
 PUBLIC += [importers.importer_named, exports.exporter_named, assemble, write, guessed, recognised]
 PUBLIC += [read_settings, reader.read_rinex, reader.read_navigation, writer.write_observations]
 PUBLIC += [writer.write_navigation, read_precise, write_precise, place_of_n, write_outcome]

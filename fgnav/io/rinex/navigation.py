@@ -64,22 +64,29 @@ def to_broadcast(
 ) -> BroadcastOrbits:
     """Return the messages of several files, each once.
 
-    Returns
-    -------
-    BroadcastOrbits
-        Messages that are cut, have an impossible orbit or are repeated are counted as unused.
+    Messages that are cut, have an impossible orbit or are repeated are counted as unused.
     """
-    counts = Counter[tuple[str, str]]()
-    messages, models = list[_Message](), list[FloatArray]()
+    counts, what = Counter[tuple[str, str]](), "broadcast message"
+    messages, models = list[_Message](), list[FloatArray]([np.zeros(8)])
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
-        messages += _messages(header, body, counts)
-        is_broken = any(what == "broadcast message" for what, _ in counts)
+        for number, lines in _split(body, int(header.version)):
+            message = _message(header, lines)
+            if isinstance(message, _Message):
+                messages.append(message)
+                continue
+            kind, reason = message
+            if kind == what:  # with the line of the first
+                known = (why for why in counts if why[0] == what and why[1].startswith(reason))
+                line = f"{reason}, line {header.lines + number} first"
+                kind, reason = next(known, (what, line))
+            counts[kind, reason] += 1
+        is_broken = any(kind == what for kind, _ in counts)
         if body.strip() and not (body.endswith("\n") or is_broken):
             reason = "the last line has no line end: it may be cut"
             counts[f"{header.path.name} line end", reason] = 1
-        models += [one for one in [_klobuchar(header, body)] if one.any()]
-    what = "broadcast message"
+        model = _klobuchar(header, body)
+        models += [model] if model.any() else []
     records = np.zeros(0, EPHEMERIS_DTYPE)
     if messages:
         records, fits = _records(messages, start_gps_s)
@@ -94,39 +101,29 @@ def to_broadcast(
             f"{headers[0].path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none; "
             f"{reason}"
         )
-    klobuchar = models[-1] if models else np.zeros(8)
     unused = unused_of(dict(sorted(counts.items())))
-    return BroadcastOrbits(records=records, klobuchar=klobuchar, unused=unused)
+    return BroadcastOrbits(records=records, klobuchar=models[-1], unused=unused)
 
 
-def _messages(header: Header, body: str, counts: Counter[tuple[str, str]]) -> list[_Message]:
-    """Return the messages that can be decoded; count the others by their reason."""
-    version, found, first_of = int(header.version), list[_Message](), dict[str, str]()
-    for number, lines in _split(body, version):
-        begin = _BEGIN[version].match(lines[0])
-        kind, name, of = begin.groups() if begin and version == 4 else ("EPH", "", "")
-        if begin and version < 4:
-            name = f"{header.system}{begin[1]}" if version == 2 else begin[1]
-        name = name.replace(" ", "0")
-        owner = CONSTELLATIONS.get(name[:1])
-        decoded: _Message | str = "begins with no satellite and date"
-        if kind != "EPH":
-            counts[f"{kind} record", "not an ephemeris"] += 1
-        elif begin and (name[0] not in USED or name[0] == "R"):
-            counts[f"{owner.name if owner else name[0]} message", "constellation not used"] += 1
-        elif begin and of and of not in _DECODED:
-            counts[f"{name[0]} {of} message", "type not used"] += 1
-        elif begin and not is_known(name):
-            counts[f"{name} message", "of a number that is not used"] += 1
-        else:
-            if begin:
-                decoded = _decoded(name, lines[version == 4 :], min(version, 3))
-            if isinstance(decoded, str):
-                reason = f"{decoded}, line {header.lines + number} first"
-                counts["broadcast message", first_of.setdefault(decoded, reason)] += 1
-            else:
-                found.append(decoded)
-    return found
+def _message(header: Header, lines: Sequence[str]) -> "_Message | tuple[str, str]":
+    """Return the message of a record, or what the record is and why it is not used."""
+    version = int(header.version)
+    begin = _BEGIN[version].match(lines[0])
+    if begin is None:
+        return "broadcast message", "begins with no satellite and date"
+    kind, name, of = begin.groups() if version == 4 else ("EPH", begin[1], "")
+    name = (f"{header.system}{name}" if version == 2 else name).replace(" ", "0")
+    if kind != "EPH":
+        return f"{kind} record", "not an ephemeris"
+    if name[0] not in USED or name[0] == "R":
+        owner = CONSTELLATIONS.get(name[0])
+        return f"{owner.name if owner else name[0]} message", "constellation not used"
+    if of and of not in _DECODED:
+        return f"{name[0]} {of} message", "type not used"
+    if not is_known(name):
+        return f"{name} message", "of a number that is not used"
+    decoded = _decoded(name, lines[version == 4 :], min(version, 3))
+    return ("broadcast message", decoded) if isinstance(decoded, str) else decoded
 
 
 def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
@@ -144,7 +141,7 @@ def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
         yield first, lines
 
 
-def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
+def _decoded(name: str, lines: Sequence[str], version: int) -> _Message | str:
     """Return the message of a record's lines, or the rule that it breaks."""
     begin = _BEGIN[version].match(lines[0]) if lines else None
     if begin is None or len(lines) != _ROWS:

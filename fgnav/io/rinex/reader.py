@@ -34,16 +34,12 @@ def read_rinex(
     start_gps_s: float,
     signals: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[BroadcastOrbits | None, list[Observations]]:
-    """Read broadcast messages and several receivers' files.
+    """Read broadcast messages and several receivers' files, of RINEX 2, 3 or 4.
 
     Parameters
     ----------
-    messages : sequence of Path
-        RINEX 2, 3 or 4 navigation files, plain or packed.
-    receivers : sequence of Path
-        RINEX 2, 3 or 4 observation files, plain, packed or Hatanaka.
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
+    messages, receivers : sequence of Path
+        Navigation and observation files, plain, packed or Hatanaka.
     signals : mapping of str to sequence of str
         Those wanted, by constellation letter; by default all of three carriers.
 

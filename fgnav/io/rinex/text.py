@@ -17,16 +17,9 @@ _BLANK_LINES = re.compile(rb"\A(?:[ \t]*\r?\n)+")
 
 
 def read_text(path: Path) -> Bytes:
-    """Return the plain RINEX text of a file.
+    """Return the plain text of a file, read-only.
 
-    Parameters
-    ----------
-    path : Path
-        Plain, packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx); told by content, not by name.
-
-    Returns
-    -------
-    ndarray of uint8, read-only
+    It may be packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx), told by content, not by name.
     """
     content = unmarked(read_bytes(path, is_text=True))
     content = _BLANK_LINES.sub(b"", content, count=1)
