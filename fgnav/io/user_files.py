@@ -40,7 +40,7 @@ _KINDS = {
 
 
 def max_bytes() -> int:
-    """Return how many bytes of one file are read at most."""
+    """Return the largest number of bytes of a file that is read."""
     text = os.environ.get(LIMIT, "")
     if not text:
         return DEFAULT_BYTES
@@ -118,7 +118,7 @@ def read_lines(path: Path) -> tuple[list[str], Unused]:
 
 
 def unpacked(path: Path, content: bytes) -> bytes:
-    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is."""
+    """Unpack a file of gzip, bzip2, xz, zip or compress (.Z); return other content as it is."""
     kind = next((name for magic, name in PACKED.items() if content.startswith(magic)), None)
     if kind is None:
         return content

@@ -19,7 +19,7 @@ _FORMAT = "fgnav estimate 2"
 
 
 class _Head(msgspec.Struct, kw_only=True):
-    """What is no array; names of ``Estimate`` are its own."""
+    """Fields that are no arrays; those of ``Estimate`` have its names."""
 
     format: str
     flight: str

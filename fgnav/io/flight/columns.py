@@ -102,7 +102,7 @@ def stated_sigma(
 def fault_of_columns(
     names: Sequence[str], required: Sequence[str], groups: Sequence[Sequence[str]]
 ) -> str:
-    """Return what is wrong with a table's columns; nothing of a table that may be.
+    """Return the fault of a table's columns; nothing of a table that may be.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a flight's records are read from, and written as: tables of samples, and their keys."""
+"""Records of a flight from tables of samples and their keys, and back."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -75,7 +75,7 @@ _AS_IS: tuple[_Convert, _Convert] = (lambda _, __, x: x, lambda _, __, x: x)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surroundings:
-    """What a table of samples needs to become a record."""
+    """Folder, origin, antennas and fixes that a table of samples needs to become a record."""
 
     folder: Path
     origin: Origin

@@ -63,7 +63,7 @@ class GnssTable(Table, frozen=True, kw_only=True):
 
 
 class ImuKeys(Table, frozen=True, kw_only=True):
-    """What ``[imu]`` says of the unit; ``clock_offset_s`` is added to its times."""
+    """Keys of ``[imu]`` without its samples; ``clock_offset_s`` is added to its times."""
 
     position_b_m: Vector = (0.0, 0.0, 0.0)
     axes: tuple[str, str, str] = FORWARD_RIGHT_DOWN
@@ -114,7 +114,7 @@ class PhotodetectorTable(Table, frozen=True, kw_only=True):
 
 
 class BarometerKeys(Table, frozen=True, kw_only=True):
-    """What ``[barometer]`` says of the instrument, as of ``Barometer``."""
+    """Keys of ``[barometer]`` without its samples, as of ``Barometer``."""
 
     position_b_m: Vector = (0.0, 0.0, 0.0)
     noise_m: float
@@ -130,7 +130,7 @@ class BarometerTable(BarometerKeys, frozen=True, kw_only=True):
 
 
 class MagnetometerKeys(Table, frozen=True, kw_only=True):
-    """What ``[magnetometer]`` says of the instrument, as of ``Magnetometer``."""
+    """Keys of ``[magnetometer]`` without its samples, as of ``Magnetometer``."""
 
     field_n_ut: Vector
     noise_ut: float

@@ -53,7 +53,7 @@ def write_parts(
 
 
 def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]:
-    """Return how many rows of a flight each table holds, epochs or messages each file of orbits.
+    """Count the rows of each table of a flight, the epochs or messages of each file of orbits.
 
     Of several files of orbits nobody knows how many each holds: they are not in it.
     """

@@ -17,7 +17,7 @@ GROUP = "fgnav.importers"
 
 
 class Format(NamedTuple):
-    """What reads a format, and what tells it."""
+    """A format: its importer, and the marks by which it is recognised."""
 
     importer: str
     begins: tuple[bytes, ...] = ()  # of the file, as the format's document has it
@@ -61,7 +61,7 @@ class Importer(Protocol):
     """Reads one file of a format."""
 
     def __call__(self, path: Path, settings: Settings, scratch: Path, /) -> Recording:
-        """Return what the file holds.
+        """Return the content of a file.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
+"""Comments of a new flight.toml: meanings of its keys, what is missing, how to mend it."""
 
 from fgnav.io.flight.columns import RATE
 from fgnav.io.importers.assemble import Assembled

@@ -1,4 +1,4 @@
-"""What the columns of a CSV file may be: by their names, else by their numbers.
+"""Guessing the columns of a CSV file by their names, else by their numbers.
 
 A guess to start from: ``fgnav new`` writes it down, and the user looks at it. Units and clocks that
 neither a name nor the size of the numbers determines are marked ``unconfirmed``.
@@ -85,7 +85,7 @@ class _Text(NamedTuple):
 
 
 def guessed(path: Path) -> CsvTable:
-    r"""Return what a CSV file may hold: samples of an inertial unit, or fixes.
+    r"""Guess the columns of a CSV file: samples of an inertial unit, or fixes.
 
     Examples
     --------
@@ -313,7 +313,7 @@ def _imu_units(units: dict[str, str], x: dict[str, FloatArray]) -> list[str]:
 
 
 def _clock(text: _Text, unit: str, column: int) -> tuple[str, bool]:
-    """Return what times count from, and whether that is in doubt."""
+    """Return the epoch that times count from, and whether that is in doubt."""
     name = text.name(column)
     if unit == "date":
         date = date_of(text.rows[0][column])

@@ -1,4 +1,4 @@
-"""Where and when files begin: by a fix, by a RINEX header, by the code of the first epochs."""
+"""Origin and start of files: by a fix, by a RINEX header, by the code of the first epochs."""
 
 from collections.abc import Sequence
 from pathlib import Path

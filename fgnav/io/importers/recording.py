@@ -1,4 +1,4 @@
-"""What one foreign file holds: tables of samples under the flight format's own column names."""
+"""The content of a foreign file: tables of samples under the flight format's column names."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What the user says about foreign files: a small TOML, ``fgnav import --settings``."""
+"""Settings of foreign files, as the user states them: a small TOML, ``fgnav import --settings``."""
 
 import math
 from pathlib import Path

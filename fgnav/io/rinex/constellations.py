@@ -1,4 +1,4 @@
-"""What files hold of each constellation: its names, satellites in use, carriers, codes of RINEX 2.
+"""Constellations in files: names, satellites in use, carriers, codes of RINEX 2.
 
 References
 ----------

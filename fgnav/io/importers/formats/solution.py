@@ -1,4 +1,4 @@
-"""What receivers state themselves: fixes, velocities, headings and baselines, by their time.
+"""Receivers' own solutions: fixes, velocities, headings and baselines, by their time.
 
 ``LAYOUT`` says what is taken of each message. Sentences of NMEA 0183 [1]_ have the UTC time of day,
 which is that nearest to the message before; RMC and ZDA date them, HDT and THS have the time of the
@@ -119,7 +119,7 @@ class Solution(NamedTuple):
 def solution(
     messages: Sequence[tuple[str, str, Any]], near_s: float | None, counts: Counts
 ) -> Solution:
-    """Return what messages state; count what is not used.
+    """Return the solution that messages state; count what is not used.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _number(value: Any) -> float:  # noqa: ANN401  # of a library
 
 
 def _solved(messages: Sequence[tuple[str, str, Any]]) -> dict[int, bool]:
-    """Return whether u-blox had a fix of three dimensions, by time of week, of what says so."""
+    """Return True of times of week at which u-blox says that it had a fix of three dimensions."""
     return {
         message.iTOW: bool(
             getattr(message, "gpsFixOk", getattr(message, "gpsfixOK", 0))

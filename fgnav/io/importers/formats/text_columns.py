@@ -103,7 +103,7 @@ def _placed(rows: Samples, origin: Place) -> Samples:
 
 
 def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
-    """Return what the user must confirm of a guessed table, by the key of flight.toml."""
+    """Return the doubts of a guessed table, by the key of flight.toml."""
     texts = []
     for kind in table.unconfirmed:
         if kind in UNITS:
@@ -180,7 +180,7 @@ def _cells(
 
 
 def usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many columns most rows have; 0 without any."""
+    """Return the number of columns that most rows have; 0 without any."""
     counts = Counter(len(row) for row in rows if row)
     return max(counts, key=counts.__getitem__, default=0)
 
