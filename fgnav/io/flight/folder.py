@@ -251,12 +251,12 @@ def _check_times(flight: Flight) -> None:
         return
     first_s, last_s = series[gnss][[0, -1]]
     for name, t_s in series.items():
-        apart_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
-        if apart_s > _LONGEST_S:
-            span = f"those of {gnss}, {first_s:.9g} to {last_s:.9g} s"
+        separation_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
+        if separation_s > _LONGEST_S:
+            span = f"{first_s:.9g} to {last_s:.9g} s"
             raise BadInputError(
-                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {apart_s:.9g} s apart "
-                f"from {span}; look at start, and at the week number"
+                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {separation_s:.9g} s "
+                f"apart from those of {gnss}, {span}; look at start, and at the week number"
             )
 
 

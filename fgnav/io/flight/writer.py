@@ -140,9 +140,9 @@ def _records(flight: Flight, folder: Path) -> dict[str, Any]:
     """Write records and what belongs to them; return their tables by key."""
     keys: dict[str, Any] = {}
     for kind, table in RECORDS.items():
-        found = getattr(flight, "baselines" if kind == "baseline" else kind)
+        records = getattr(flight, "baselines" if kind == "baseline" else kind)
         tables = []
-        for k, record in enumerate(found if kind in SEVERAL else filter(None, [found])):
+        for k, record in enumerate(records if kind in SEVERAL else filter(None, [records])):
             name = numbered(kind, k)
             blocks = blocks_of(record, flight.origin, flight.fixes)
             write_table(folder / name, samples(record.t_s, *blocks), FORMATS)

@@ -15,7 +15,7 @@ from fgnav.io.gps_time import TICKS_PER_S, gps_of, to_ticks
 from fgnav.io.rinex import scan as rules
 from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
 from fgnav.io.rinex.header import Header
-from fgnav.io.rinex.scan import A_LINE, FLAG, TICKS, Body, Found, line_ends, scan
+from fgnav.io.rinex.scan import A_LINE, FLAG, TICKS, Body, ScanArrays, line_ends, scan
 from fgnav.io.rinex.signals import Wanted, fields_of, is_kept
 from fgnav.io.rinex.text import Bytes
 from fgnav.io.tables import increasing
@@ -45,11 +45,11 @@ def to_observations(
 ) -> Observations:
     """Return the observations of a whole plain file: signals that are wanted, or usual ones."""
     body, is_ended = _body(header, text)
-    found, name = _scanned(body), header.path.name
-    ticks = found.epochs[:, TICKS]
+    scanned, name = _scanned(body), header.path.name
+    ticks = scanned.epochs[:, TICKS]
     kept = increasing(ticks)
     counts = _Counts()
-    _count_faults(header, body, found.faults, counts)
+    _count_faults(header, body, scanned.faults, counts)
     counts[f"{name} epoch", "its time does not increase"] += int((~kept).sum())
     if not kept.any():
         reason = next((why for (_, why), n in counts.items() if n), "has none after its header")
@@ -57,12 +57,12 @@ def to_observations(
     if not (is_ended or counts.total()):
         counts[f"{name} line end", "the last line has no line end: it may be cut"] = 1
     ticks = ticks[kept]
-    _count_events(header, body, found.events, counts)
+    _count_events(header, body, scanned.events, counts)
     _count_end(header, ticks, counts)
     epoch = np.where(kept, np.cumsum(kept) - 1, -1)
     channels, blocks = list[tuple[str, str]](), list[dict[str, Any]]()
     for letter in header.types:
-        names, block = _channels(header, letter, found, epoch, wanted, counts)
+        names, block = _channels(header, letter, scanned, epoch, wanted, counts)
         channels += names
         blocks.append(block)
     order = sorted(range(len(channels)), key=channels.__getitem__)
@@ -71,7 +71,7 @@ def to_observations(
         name: np.concatenate([block[name] for block in blocks], axis=1)[:, None, order]
         for name in (*_QUANTITIES, "lock_flags")
     }
-    arrays["lock_flags"][found.epochs[kept, FLAG] == 1] |= LOST_LOCK
+    arrays["lock_flags"][scanned.epochs[kept, FLAG] == 1] |= LOST_LOCK
     for m, (satellite, signal) in enumerate(channels):
         if header.half_cycles & {(satellite, signal[0]), ("", signal[0])}:
             arrays["lock_flags"][np.isfinite(arrays["phase_cycles"][..., m]), m] |= HALF_CYCLE
@@ -112,35 +112,35 @@ def _body(header: Header, text: Bytes) -> tuple[Body, bool]:
     return Body(content, begins, ends, lines, types, units), bool(len(last))
 
 
-def _scanned(body: Body) -> Found:
+def _scanned(body: Body) -> ScanArrays:
     """Return the observations of a scan."""
     n, types = len(body.begins), body.units.shape[1]
     epochs, records, faults, events = (np.empty((n, width), np.int64) for width in (4, 3, 3, 4))
     values, locks = np.empty((n, types)), np.empty((n, types), np.int64)
-    found = Found(epochs, records, faults, events, values, locks)
-    counts = scan(body, found)
+    scanned = ScanArrays(epochs, records, faults, events, values, locks)
+    counts = scan(body, scanned)
     of = counts[[0, 1, 2, 3, 1, 1]].tolist()  # values and locks are those of records
-    return Found._make(table[:count] for table, count in zip(found, of, strict=True))
+    return ScanArrays._make(table[:count] for table, count in zip(scanned, of, strict=True))
 
 
 def _channels(
     header: Header,
     letter: str,
-    found: Found,
+    scanned: ScanArrays,
     epoch: IntArray,
     wanted: Wanted,
     counts: _Counts,
 ) -> tuple[list[tuple[str, str]], dict[str, Any]]:
     """Return a constellation's channels that have code or phase, and their arrays, (n, m)."""
     types = header.types[letter]
-    rows = found.records[:, 1] == ord(letter)
-    n, epoch, number = epoch.max() + 1, epoch[found.records[rows, 0]], found.records[rows, 2]
+    rows = scanned.records[:, 1] == ord(letter)
+    n, epoch, number = epoch.max() + 1, epoch[scanned.records[rows, 0]], scanned.records[rows, 2]
     is_used = (epoch >= 0) & (number <= CONSTELLATIONS[letter].satellites)
     _count_satellites(letter, number[(epoch >= 0) & ~is_used], counts)
     satellites, column = np.unique(number[is_used], return_inverse=True)
     epoch = epoch[is_used]
-    values = found.values[rows, : len(types)][is_used]
-    locks = found.locks[rows, : len(types)][is_used] & 3
+    values = scanned.values[rows, : len(types)][is_used]
+    locks = scanned.locks[rows, : len(types)][is_used] & 3
     fields = fields_of(header, letter)
     names = sorted({s for field in fields for s in field.signals if is_kept(letter, s, wanted)})
     shape = n, len(satellites), len(names)

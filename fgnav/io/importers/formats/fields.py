@@ -62,7 +62,7 @@ def joined(kind: str, blocks: Sequence[Block], counts: Counts) -> Samples:
     Rows that lack what most have are left out. These, and what others have besides, are counted.
     """
     names, t_s, values = blocks[0]
-    found, kept = {names: values}, np.ones(len(t_s), np.bool_)
+    kept_blocks, kept = {names: values}, np.ones(len(t_s), np.bool_)
     for columns, times_s, others in blocks[1:]:
         index, has = np.arange(len(t_s)), np.ones(len(t_s), np.bool_)
         if times_s is not t_s:
@@ -72,10 +72,10 @@ def joined(kind: str, blocks: Sequence[Block], counts: Counts) -> Samples:
             counts[columns[0], f"of no time of {kind}"] += int((~np.isin(times_s, t_s)).sum())
             index = first[index] if len(times_s) else index
         has = has & np.isfinite(others[index] if len(others) else np.nan * values).all(axis=1)
-        if 2 * has.sum() > len(t_s) and NEEDS.get(columns, names) in found:
+        if 2 * has.sum() > len(t_s) and NEEDS.get(columns, names) in kept_blocks:
             counts[f"{kind} row", f"has no {columns[0]}, as most have"] += int((kept & ~has).sum())
             kept &= has
-            found[columns] = others[index]
+            kept_blocks[columns] = others[index]
         else:
             counts[columns[0], f"of {kind}, most of which have none"] += int(has.sum())
-    return samples(t_s[kept], *((columns, block[kept]) for columns, block in found.items()))
+    return samples(t_s[kept], *((columns, block[kept]) for columns, block in kept_blocks.items()))

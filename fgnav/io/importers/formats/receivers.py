@@ -99,8 +99,8 @@ def _decoded(
 ) -> tuple[list[tuple[str, str, Any]], _Kinds, int, int]:
     """Return messages of solutions, the others' kinds, all their bytes, and those unproved."""
     stated, others, size = list[tuple[str, str, Any]](), _Kinds(), 0
-    found, unproved = messages(content)
-    for message in found:
+    stream, unproved = messages(content)
+    for message in stream:
         size += len(message.raw)
         if message.name not in LAYOUT:
             others[message.protocol, message.number, message.name] += 1

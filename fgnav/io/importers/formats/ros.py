@@ -70,14 +70,14 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     counts, rows = Counts(), defaultdict[str, list[list[float]]](list)
     with foreign(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
         topics = _topics(path, bag, settings, counts)
-        chosen = [one for one in bag.connections if one.topic in topics]
+        chosen = [connection for connection in bag.connections if connection.topic in topics]
         if not chosen:
-            held = sorted({one.msgtype for one in bag.connections})
+            held = sorted({connection.msgtype for connection in bag.connections})
             raise BadInputError(
                 f"{path}: must hold messages of {', '.join(_LAYOUT)}, has "
                 f"{', '.join(held) or 'none'}; record those topics, or convert them"
             )
-        total = sum(one.msgcount for one in chosen)
+        total = sum(connection.msgcount for connection in chosen)
         for k, (connection, at_ns, data) in enumerate(bag.messages(chosen)):
             report(k / max(total, 1))
             message, kind = bag.deserialize(data, connection.msgtype), connection.msgtype

@@ -108,7 +108,7 @@ def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
     for kind in table.unconfirmed:
         if kind in UNITS:
             names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
-            usual = next(unit for unit, scale in UNITS[kind].items() if scale.factor == 1)
+            usual = next(name for name, scale in UNITS[kind].items() if scale.factor == 1)
             texts.append(
                 f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; "
                 f"{table.units.get(kind, usual)} was assumed; units are {', '.join(UNITS[kind])}: "
@@ -205,8 +205,8 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
             f"number, got {quoted(str(cells[row]))}{mend}"
         )
     kind = name.rsplit("_", 1)[1]
-    unit = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
-    return values * (-unit if str(column).startswith("-") else unit)
+    factor = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
+    return values * (-factor if str(column).startswith("-") else factor)
 
 
 def date_of(text: str) -> datetime | None:

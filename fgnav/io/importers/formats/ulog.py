@@ -112,8 +112,8 @@ def _topics(logged: Sequence[Any], counts: Counts) -> dict[str, dict[str, Any]]:
         flying = fixes["fix_type"] >= _FIX_3D
         counts["fix", "has no height (fix_type)"] += int((~flying).sum())
         topics[_GPS] = {name: x[flying] for name, x in fixes.items()}
-        for old, (new, unit) in _OLD_FIELDS.items() if "latitude_deg" not in fixes else ():
-            topics[_GPS][new] = topics[_GPS][old] * unit
+        for old, (new, scale) in _OLD_FIELDS.items() if "latitude_deg" not in fixes else ():
+            topics[_GPS][new] = topics[_GPS][old] * scale
     if (baselines := topics.get("sensor_gnss_relative")) is not None:
         good = np.all([baselines[name].astype(bool) for name in _BASELINE_FLAGS], axis=0)
         good &= np.asarray(baselines.get("relative_position_normalized", 0)) == 0
