@@ -37,7 +37,7 @@ def atomic_folder(path: Path) -> AbstractContextManager[Path]:
 @contextmanager
 def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator[Path]:
     """Yield what is made beside ``path`` and takes its name."""
-    temporary = _temporary(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         make(temporary)
         if tidy:
@@ -45,7 +45,9 @@ def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator
         yield temporary
         temporary.replace(path)
     except OSError as error:
-        raise _cannot_be_written(path, error) from error
+        mend = f"; free space in {path.resolve().parent}" if error.errno in _FULL else ""
+        text = f"{path}: cannot be written: {error.strerror or error}{mend}"
+        raise BadInputError(text) from error
     finally:
         _remove(temporary)
 
@@ -87,15 +89,6 @@ def made_folder(path: Path) -> Path:
 
 def _file_in_way(path: Path) -> BadInputError:
     return BadInputError(f"{path}: is a file, not a folder; name another place")
-
-
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
-
-
-def _cannot_be_written(path: Path, error: OSError) -> BadInputError:
-    mend = f"; free space in {path.resolve().parent}" if error.errno in _FULL else ""
-    return BadInputError(f"{path}: cannot be written: {error.strerror or error}{mend}")
 
 
 def _remove_leftovers(path: Path) -> None:

@@ -226,16 +226,9 @@ def _rinex(
 
 
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:
-    usual = GnssNoise()
-    stated = {
-        "code_m": gnss.code_noise_m,
-        "phase_m": gnss.phase_noise_m,
-        "doppler_mps": gnss.doppler_noise_mps,
-    }
-    return GnssNoise(
-        **filled(stated, {name: getattr(usual, name) for name in stated}),
-        **values_of(gnss, GnssNoise),
-    )
+    stated = {field: getattr(gnss, key) for key, field in flight_toml.GNSS_NOISE.items()}
+    usual = {field: getattr(GnssNoise(), field) for field in stated}
+    return GnssNoise(**filled(stated, usual), **values_of(gnss, GnssNoise))
 
 
 def _check_times(flight: Flight) -> None:

@@ -209,6 +209,12 @@ RECORDS: dict[str, type[Any]] = {
     "truth": TruthTable,
 }
 SEVERAL = ("fixes", "baseline")
+# Fields of ``GnssNoise`` by the keys of ``[gnss]``.
+GNSS_NOISE = {
+    "code_noise_m": "code_m",
+    "phase_noise_m": "phase_m",
+    "doppler_noise_mps": "doppler_mps",
+}
 
 
 class FlightTable(Table, frozen=True, kw_only=True):

@@ -75,60 +75,41 @@ def _antennas(
     flight: Flight, folder: Path, rinex: RinexVersion
 ) -> tuple[flight_toml.AntennaTable, ...]:
     """Write one RINEX file per antenna; return their tables."""
-    tables = []
+    tables, observations = [], flight.observations
     for k, antenna in enumerate(flight.antennas):
         file_name = None
-        if flight.observations is not None:
+        if observations is not None:
             is_plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
             file_name = f"{antenna.name if is_plain else f'antenna-{k + 1}'}.rnx"
             if (folder / file_name).exists():  # names that differ in case only
                 file_name = f"antenna-{k + 1}.rnx"
-            write_observations(
-                folder / file_name,
-                flight.observations,
-                k,
-                start_gps_s=flight.start_gps_s,
-                marker=antenna.name,
-                position_e_m=flight.origin.p_e_m,
-                version=rinex,
-            )
+            place = {"start_gps_s": flight.start_gps_s, "position_e_m": flight.origin.p_e_m}
+            header: dict[str, Any] = {**place, "marker": antenna.name, "version": rinex}
+            write_observations(folder / file_name, observations, k, **header)
         tables.append(table_of(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
 
 
 def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.GnssTable:
     """Write orbits and the base's observations; return their table."""
-    start_gps_s = flight.start_gps_s
+    start: dict[str, Any] = {"start_gps_s": flight.start_gps_s}
+    values: dict[str, Any] = {"elevation_mask_deg": float(np.degrees(flight.elevation_mask_rad))}
     if flight.broadcast is not None:
-        write_navigation(
-            folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s, version=rinex
-        )
+        values["navigation"] = ("broadcast.rnx",)
+        write_navigation(folder / "broadcast.rnx", flight.broadcast, **start, version=rinex)
     if flight.precise is not None:
-        write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
-    base = None
-    if flight.base is not None:
-        base = table_of(flight_toml.BaseTable, flight.base, observations="base.rnx")
-        write_observations(
-            folder / "base.rnx",
-            flight.base.observations,
-            0,
-            start_gps_s=start_gps_s,
-            marker="base",
-            position_e_m=flight.base.position_e_m,
-            version=rinex,
-        )
+        values["orbits"] = ("precise.sp3",)
+        write_precise(folder / "precise.sp3", flight.precise, **start)
+    if (base := flight.base) is not None:
+        values["base"] = table_of(flight_toml.BaseTable, base, observations="base.rnx")
+        header = {**start, "marker": "base", "position_e_m": base.position_e_m, "version": rinex}
+        write_observations(folder / "base.rnx", base.observations, 0, **header)
     noise = flight.gnss_noise
-    return table_of(
-        flight_toml.GnssTable,
-        noise,
-        navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
-        orbits=("precise.sp3",) if flight.precise is not None else (),
-        elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
-        code_noise_m=None if "code_m" in noise.unstated else noise.code_m,
-        phase_noise_m=None if "phase_m" in noise.unstated else noise.phase_m,
-        doppler_noise_mps=None if "doppler_mps" in noise.unstated else noise.doppler_mps,
-        base=base,
-    )
+    values |= {
+        key: None if field in noise.unstated else getattr(noise, field)
+        for key, field in flight_toml.GNSS_NOISE.items()
+    }
+    return table_of(flight_toml.GnssTable, noise, **values)
 
 
 def numbered(name: str, k: int) -> str:
