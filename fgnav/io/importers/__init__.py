@@ -35,7 +35,8 @@ FORMATS = {
     "mcap": Format("ros:read_bag", (b"\x89MCAP0",)),
     "nmea": Format(
         "receivers:read_stream",
-        line=rb".{,80}\$(?:[A-Z]{5}|P[A-Z0-9]+),[\x20-\x7e]*\*[0-9A-Fa-f]{2}\s*$",
+        line=rb".{,80}\$(?:[A-Z]{5}|P[A-Z0-9]+),[\x20-\x7e]*\*[0-9A-Fa-f]{2}\s*$"
+        rb"|\$G[A-Z](?:GGA|GNS|RMC),[\x20-\x7e]*\s*$",
         suffix=".nmea",
     ),
     "ubx": Format("receivers:read_stream", (b"\xb5\x62",), suffix=".ubx"),

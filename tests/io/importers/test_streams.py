@@ -1,8 +1,11 @@
 """Streams of receivers: raw measurements by RTKLIB, solutions value by value, what is not used."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.geometry.earth import ecef
 from fgnav.io.flight.folder import load_flight
@@ -12,6 +15,7 @@ from fgnav.io.importers.formats.streams import messages
 from fgnav.io.importers.recognise import recognised
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
+from fgnav.io.rtklib_convert import convert
 from tests.io.importers import streams
 from tests.io.importers.helpers import imported, refused, whole_of
 from tests.io.importers.streams import EPOCHS, PLACE, SIGMA, VECTOR, VELOCITY, gga, rmc, sentence
@@ -256,7 +260,8 @@ def test_sentences_without_checksums_are_read_where_none_has_one(tmp_path):
     assert len(flight.fixes[0].t_s) == 2
     assert whole.notes["nmea"].startswith("its 4 sentences have no checksums")
     assert unused["byte: in no whole message: damaged, or of another format"] == 20
-    assert recognised(tmp_path / "a.nmea", tmp_path)[0] == "nmea"
+    (tmp_path / "a.nmea").rename(tmp_path / "a.log")
+    assert recognised(tmp_path / "a.log", tmp_path)[0] == "nmea"
     (tmp_path / "mixed").mkdir()
     flight, unused, _ = read(tmp_path / "mixed", "nmea", "".join([*texts, bare[1]]))
     assert unused["byte: in no whole message: damaged, or of another format"] == len(bare[1])
@@ -306,3 +311,18 @@ NOISE = np.random.default_rng(3).bytes(5000)
 def test_what_is_wrong_is_one_line(tmp_path, capsys, name, content, rule):
     (tmp_path / "rover").write_bytes(content)
     assert rule in refused(capsys, tmp_path, tmp_path / "rover", "--format", name)
+
+
+@pytest.mark.parametrize(
+    ("program", "text"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", r"a.ubx: RTKLIB crashed .status -11.; the file"),
+        ("import time; time.sleep(60)", "a.ubx: RTKLIB did not end within 0 s"),
+        ("import sys; sys.exit('no pyrtklib5')", "RTKLIB cannot run: no pyrtklib5"),
+    ],
+)
+def test_a_crash_or_a_hang_of_rtklib_names_the_file(tmp_path, program, text):
+    path = tmp_path / "a.ubx"
+    path.write_bytes(b"")
+    with pytest.raises(BadInputError, match=text):
+        convert(path, [], command=(sys.executable, "-c", program), timeout_s=0.3)
