@@ -13,7 +13,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.flight.columns import BASELINE, FORCE, PLACE, POSITION_SIGMA, RATE, VELOCITY
-from fgnav.io.importers.formats.text_columns import date_of, usual_width
+from fgnav.io.importers.formats.text_columns import complete_rows, date_of
 from fgnav.io.importers.settings import UNITS, CsvTable
 from fgnav.io.tables import is_number, numbers
 from fgnav.io.user_files import read_lines
@@ -146,7 +146,7 @@ def _text(path: Path) -> _Text:
     commas = [cell for row in rows[:200] for cell in row if "," in cell]
     decimal = "," if any(is_number(cell.replace(",", ".", 1)) for cell in commas) else "."
     rows = [[cell.strip().replace(decimal, ".") for cell in row] for row in rows]
-    width = usual_width(rows)
+    width = complete_rows(path, rows)[0].shape[1]
     first = next((k for k, row in enumerate(rows) if len(row) == width), 0)
     header = len(rows) > first and not any(is_number(cell) for cell in rows[first])
     body = [row for row in rows[first + header :] if len(row) == width]

@@ -67,6 +67,7 @@ def to_broadcast(
     Messages that are cut, have an impossible orbit or are repeated are counted as unused.
     """
     counts, what = Counter[tuple[str, str]](), "broadcast message"
+    first = dict[str, str]()  # reasons with the line that broke the rule first
     messages, models = list[_Message](), list[FloatArray]([np.zeros(8)])
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
@@ -76,10 +77,9 @@ def to_broadcast(
                 messages.append(message)
                 continue
             kind, reason = message
-            if kind == what:  # with the line of the first
-                known = (why for why in counts if why[0] == what and why[1].startswith(reason))
-                line = f"{reason}, line {header.lines + number} first"
-                kind, reason = next(known, (what, line))
+            if kind == what:
+                line = header.lines + number
+                reason = first.setdefault(reason, f"{reason}, line {line} first")
             counts[kind, reason] += 1
         is_broken = any(kind == what for kind, _ in counts)
         if body.strip() and not (body.endswith("\n") or is_broken):

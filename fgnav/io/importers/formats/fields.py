@@ -62,20 +62,27 @@ def joined(kind: str, blocks: Sequence[Block], counts: Counts) -> Samples:
     Rows that lack what most have are left out. These, and what others have besides, are counted.
     """
     names, t_s, values = blocks[0]
-    kept_blocks, kept = {names: values}, np.ones(len(t_s), np.bool_)
+    table, kept = {names: values}, np.ones(len(t_s), np.bool_)
     for columns, times_s, others in blocks[1:]:
-        index, has = np.arange(len(t_s)), np.ones(len(t_s), np.bool_)
-        if times_s is not t_s:
-            times_s, first = np.unique(times_s, return_index=True)  # noqa: PLW2901
-            index = np.searchsorted(times_s, t_s).clip(max=max(len(times_s) - 1, 0))
-            has = times_s[index] == t_s if len(times_s) else ~has
-            counts[columns[0], f"of no time of {kind}"] += int((~np.isin(times_s, t_s)).sum())
-            index = first[index] if len(times_s) else index
-        has = has & np.isfinite(others[index] if len(others) else np.nan * values).all(axis=1)
-        if 2 * has.sum() > len(t_s) and NEEDS.get(columns, names) in kept_blocks:
+        block = _at_times(t_s, times_s, others)
+        has = np.isfinite(block).all(axis=1)
+        counts[columns[0], f"of no time of {kind}"] += int((~np.isin(times_s, t_s)).sum())
+        if 2 * has.sum() > len(t_s) and NEEDS.get(columns, names) in table:
             counts[f"{kind} row", f"has no {columns[0]}, as most have"] += int((kept & ~has).sum())
             kept &= has
-            kept_blocks[columns] = others[index]
+            table[columns] = block
         else:
             counts[columns[0], f"of {kind}, most of which have none"] += int(has.sum())
-    return samples(t_s[kept], *((columns, block[kept]) for columns, block in kept_blocks.items()))
+    return samples(t_s[kept], *((columns, block[kept]) for columns, block in table.items()))
+
+
+def _at_times(t_s: FloatArray, times_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return values, (k, c), at equal times, the first of each; NaN where there is none."""
+    if times_s is t_s:
+        return values
+    if not len(times_s):
+        return np.full((len(t_s), values.shape[1]), np.nan)
+    times_s, first = np.unique(times_s, return_index=True)
+    index = np.searchsorted(times_s, t_s).clip(max=len(times_s) - 1)
+    is_equal = (times_s[index] == t_s)[:, None]
+    return np.where(is_equal, values[first[index]], np.nan)

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Unused
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import samples
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.fields import Fields
-from fgnav.io.importers.formats.text_columns import read_dates
+from fgnav.io.importers.formats.text_columns import complete_rows, read_dates
 from fgnav.io.importers.recording import ABOVE_SEA, Recording, unused_columns
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import numbers
@@ -59,11 +59,10 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         )
     names = [w for n in names for w in ((n + "d", n + "m", n + "s") if n in _MINUTES else (n,))]
     rows = [line.split() for line in lines if line and line[0] != "%"]
-    complete = [words for words in rows if len(words) == len(names) + 1]  # a time has two words
-    if not complete:
+    cells, cut = complete_rows(path, rows, len(names) + 1)  # a time has two words
+    if not len(cells):
         rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
         raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
-    cells = np.array(complete)
     columns = {name: numbers(cells[:, k]) for k, name in enumerate(names[1:], 2)}
     unused = _with_degrees(path, columns)
     gps_s = _gps_seconds(path, cells[:, :2], names[0])
@@ -74,7 +73,6 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
             columns |= {name: np.maximum(columns[name], _LEAST_SIGMA) for name in fields.names}
     unused -= {name for fields in layout for name in fields.names}
     names = [name for name in names if name in unused]
-    reason = "has another number of columns: the file is cut or of mixed formats"
     return Recording(
         source=path,
         tables={
@@ -83,8 +81,8 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         gps_start_s=start_s,
         unused=(
             lost,
-            Unused(what=f"{path.name} row", reason=reason, count=len(rows) - len(complete)),
-            unused_columns(path, names, len(complete), "the flight has none"),
+            cut,
+            unused_columns(path, names, len(cells), "the flight has none"),
         ),
         notes={"fixes": ABOVE_SEA}
         if any("/geoidal" in line for line in lines if line.startswith("%"))

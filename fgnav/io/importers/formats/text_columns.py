@@ -66,7 +66,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
     lines, lost = read_lines(path)
     tables, clocks = dict[str, Samples](), list[tuple[Clock, float]]()
-    cut, unnamed = 0, dict[str, None]()
+    cut, unnamed = lost, dict[str, None]()
     for table in described:
         cells, others, cut = _cells(path, lines[table.skip_lines :], table)
         unnamed = {name: None for name in others if not clocks or name in unnamed}
@@ -87,7 +87,7 @@ def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
         gps_start_s=clocks[0][1],
         unused=(
             lost,
-            Unused(what=f"{path.name} line", reason="has another number of columns", count=cut),
+            cut,
             unused_columns(path, [*unnamed], count, "no [[csv]] names them"),
         ),
         notes={"fixes": ABOVE_SEA} if any("height" in t.unconfirmed for t in described) else {},
@@ -151,7 +151,7 @@ def _samples(
 
 def _cells(
     path: Path, lines: Sequence[str], table: CsvTable
-) -> tuple[dict[str, np.ndarray], list[str], int]:
+) -> tuple[dict[str, np.ndarray], list[str], Unused]:
     """Return texts of the columns that are used, (k,), names of the others, and cut lines."""
     reader = csv.reader(lines, delimiter=table.delimiter, skipinitialspace=True)
     try:
@@ -159,7 +159,8 @@ def _cells(
     except csv.Error as error:
         raise BadInputError(f"{path}: line {reader.line_num}: {error}") from None
     head = [cell.strip() for cell in rows.pop(0)] if table.header and rows else []
-    width = usual_width(rows)
+    cells, cut = complete_rows(path, rows)
+    width = cells.shape[1]
     if not width:
         raise BadInputError(f"{path}: holds no row of numbers")
     columns = []
@@ -172,17 +173,22 @@ def _cells(
         if not 0 <= columns[-1] < width:
             has = ", ".join(head) if head else f"{width} columns without names"
             raise BadInputError(f"{path}: column {quoted(column)} of {name}: the file has {has}")
-    cells = np.array([[row[k] for k in columns] for row in rows if len(row) == width], np.str_)
     names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
     unnamed = [name for k, name in enumerate(names) if k not in columns]
-    cut = sum(0 < len(row) != width for row in rows)
-    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unnamed, cut
+    return {name: cells[:, k] for k, name in zip(columns, table.columns, strict=True)}, unnamed, cut
 
 
-def usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """Return the number of columns that most rows have; 0 without any."""
+def complete_rows(
+    path: Path, rows: Sequence[Sequence[str]], width: int = 0
+) -> tuple[np.ndarray, Unused]:
+    """Return the cells, (k, c), of rows of a width, else of that of most; count the others."""
     counts = Counter(len(row) for row in rows if row)
-    return max(counts, key=counts.__getitem__, default=0)
+    width = width or max(counts, key=counts.__getitem__, default=0)
+    complete = [row for row in rows if len(row) == width and row]
+    cells = np.array(complete, np.str_).reshape(len(complete), width)
+    reason = "has another number of columns: the file is cut, or of mixed formats"
+    count = counts.total() - counts[width]
+    return cells, Unused(what=f"{path.name} line", reason=reason, count=count)
 
 
 def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
