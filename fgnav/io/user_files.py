@@ -69,7 +69,7 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
             raise _too_large(path, f"has {status.st_size} bytes", limit)
         with path.open("rb") as file:  # what the kernel makes up (/proc) states no size
             content = file.read(status.st_size)
-        return unpacked(path, content) if is_text else content
+        return unpack(path, content) if is_text else content
     except FileNotFoundError as error:
         raise BadInputError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -92,7 +92,7 @@ def encoding_of(head: bytes) -> str:
     return "utf-16-be" if head[:1] == b"\0" and head[1:2] not in (b"", b"\0") else "utf-8-sig"
 
 
-def unmarked(content: bytes) -> bytes:
+def remove_mark(content: bytes) -> bytes:
     """Return text with a byte-order mark in one byte a letter; other content as it is."""
     if not content.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content
@@ -117,7 +117,7 @@ def read_lines(path: Path) -> tuple[list[str], Unused]:
     return lines[: len(lines) - is_cut], lost
 
 
-def unpacked(path: Path, content: bytes) -> bytes:
+def unpack(path: Path, content: bytes) -> bytes:
     """Unpack a file of gzip, bzip2, xz, zip or compress (.Z); return other content as it is."""
     kind = next((name for magic, name in PACKED.items() if content.startswith(magic)), None)
     if kind is None:

@@ -14,8 +14,8 @@ from fgnav.io.exports.tables import write_outcome
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.importers.assemble import assemble, write
-from fgnav.io.importers.guess import guessed
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.guess import guess_table
+from fgnav.io.importers.recognise import recognise_format
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex import reader, writer
 from fgnav.io.sp3 import read_precise, write_precise
@@ -25,7 +25,14 @@ from tests.io.test_exports import ORIGIN, estimate
 
 PUBLIC = [importers.importer_named(name) for name in importers.IMPORTERS]
 PUBLIC += [exports.exporter_named(name) for name in exports.EXPORTERS]
-PUBLIC += [importers.importer_named, exports.exporter_named, assemble, write, guessed, recognised]
+PUBLIC += [
+    importers.importer_named,
+    exports.exporter_named,
+    assemble,
+    write,
+    guess_table,
+    recognise_format,
+]
 PUBLIC += [read_settings, reader.read_rinex, reader.read_navigation, writer.write_observations]
 PUBLIC += [writer.write_navigation, read_precise, write_precise, place_of_n, write_outcome]
 

@@ -124,7 +124,7 @@ def _values(kind: str, samples: col.Samples, origin: Origin, file: Path) -> dict
 
 def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  # noqa: ANN401
     """Return an inertial unit: its axes rotated to the body's, its clock set."""
-    R_bu = mounting(keys.axes, keys.mounting_deg)
+    R_bu = mounting_rotation(keys.axes, keys.mounting_deg)
     t_s, w_u_radps = values["t_s"], values["w_b_radps"]
     sigma_s = keys.clock_offset_sigma_s
     return Imu(
@@ -137,7 +137,7 @@ def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  #
     )
 
 
-def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
+def mounting_rotation(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
     """Return R_bu, (3, 3): from the axes in which a unit's samples are to the body's.
 
     Parameters

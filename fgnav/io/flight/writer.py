@@ -112,7 +112,7 @@ def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.Gnss
     return table_of(flight_toml.GnssTable, noise, **values)
 
 
-def numbered(name: str, k: int) -> str:
+def samples_name(name: str, k: int) -> str:
     """Return the name of the samples of one of several records."""
     return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
 
@@ -124,7 +124,7 @@ def _records(flight: Flight, folder: Path) -> dict[str, Any]:
         records = getattr(flight, "baselines" if kind == "baseline" else kind)
         tables = []
         for k, record in enumerate(records if kind in SEVERAL else filter(None, [records])):
-            name = numbered(kind, k)
+            name = samples_name(kind, k)
             blocks = blocks_of(record, flight.origin, flight.fixes)
             write_table(folder / name, samples(record.t_s, *blocks), FORMATS)
             more = _more(record, flight, folder)

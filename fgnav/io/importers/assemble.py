@@ -16,10 +16,10 @@ from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.columns import FORMATS, Samples
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.flight.keys import table_of
-from fgnav.io.flight.writer import FILE_NAME, check_empty, numbered
+from fgnav.io.flight.writer import FILE_NAME, check_empty, samples_name
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
-from fgnav.io.importers.recording import Recording, cleaned
+from fgnav.io.importers.recording import Recording, clean_rows
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import write_table
 from fgnav.io.toml_writer import write_toml
@@ -56,7 +56,7 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     >>> assembled.table.name, list(assembled.samples), list(assembled.missing)
     ('bench', ['imu.csv'], ['origin'])
     """
-    recordings = [cleaned(_without_unstated(recording, settings)) for recording in recordings]
+    recordings = [clean_rows(_without_unstated(recording, settings)) for recording in recordings]
     missing = {key: text for recording in recordings for key, text in recording.missing.items()}
     start_s = _start(recordings, settings, missing)
     recordings = [_shifted(recording, start_s, settings, missing) for recording in recordings]
@@ -221,7 +221,7 @@ def _records(
                     f"{recording.source}: has {kind}, as {first} has; a flight takes those of one "
                     "instrument: import one of them, and the other as a flight of its own"
                 )
-            name = numbered(kind, len(earlier))
+            name = samples_name(kind, len(earlier))
             samples[name] = rows
             keys = _keys(kind, recording, settings, names)
             earlier.append(flight_toml.RECORDS[kind](samples=name, **keys))

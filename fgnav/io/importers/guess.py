@@ -84,13 +84,13 @@ class _Text(NamedTuple):
         return self.head[column].lower() if self.head else ""
 
 
-def guessed(path: Path) -> CsvTable:
+def guess_table(path: Path) -> CsvTable:
     r"""Guess the columns of a CSV file: samples of an inertial unit, or fixes.
 
     Examples
     --------
     >>> _ = Path("unit.csv").write_text("t [ms],ax,ay,az\n0,0,0,-9.8\n10,0,0,-9.8\n")
-    >>> table = guessed(Path("unit.csv"))
+    >>> table = guess_table(Path("unit.csv"))
     >>> table.table, table.columns["fz_mps2"], table.units
     ('imu', 'az', {'s': 'ms', 'mps2': 'm/s2'})
     """

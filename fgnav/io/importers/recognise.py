@@ -10,7 +10,7 @@ from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.importers import FORMATS, importer_names
 from fgnav.io.importers.formats.kfgins import is_increments
 from fgnav.io.tables import is_number
-from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, unmarked, unpacked
+from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, remove_mark, unpack
 
 _HEAD_BYTES = 8192
 _TAKEN_PACKED = ("rinex", "sp3")  # their readers unpack
@@ -20,7 +20,7 @@ class UnknownFormatError(BadInputError):
     """Nothing tells what format a file is of."""
 
 
-def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[str, Path]:  # noqa: A002
+def recognise_format(path: Path, scratch: Path, format: str | None = None) -> tuple[str, Path]:  # noqa: A002
     """Return a file's format, and the file; what is packed is unpacked into a folder.
 
     Parameters
@@ -30,7 +30,7 @@ def recognised(path: Path, scratch: Path, format: str | None = None) -> tuple[st
 
     Examples
     --------
-    >>> recognised(Path("igs.sp3"), Path())
+    >>> recognise_format(Path("igs.sp3"), Path())
     ('sp3', PosixPath('igs.sp3'))
     """
     file = plain(path, scratch)
@@ -51,13 +51,13 @@ def plain(path: Path, scratch: Path) -> Path:
     if not head.startswith(tuple(PACKED)):
         return path
     target = Path(mkdtemp(dir=scratch)) / plain_name(path.name)
-    target.write_bytes(unpacked(path, read_bytes(path)))
+    target.write_bytes(unpack(path, read_bytes(path)))
     return target
 
 
 def _format(path: Path) -> str:
     with path.open("rb") as file:
-        head = unmarked(file.read(_HEAD_BYTES))
+        head = remove_mark(file.read(_HEAD_BYTES))
     lines = head.split(b"\n")
     for name, spec in FORMATS.items():
         if head.startswith(spec.begins) or any(re.match(spec.line, line) for line in lines):

@@ -79,7 +79,7 @@ class Recording:
                 raise BadInputError(f"{self.source}: {kind}: {fault}")
 
 
-def cleaned(recording: Recording) -> Recording:
+def clean_rows(recording: Recording) -> Recording:
     """Return a recording of the rows that a flight can have, the others counted.
 
     Times that wrapped go on. Samples that share their timestamps are spread over the time to the

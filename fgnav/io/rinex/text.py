@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import read_bytes, unmarked
+from fgnav.io.user_files import read_bytes, remove_mark
 
 Bytes = NDArray[np.uint8]
 _MOST_CUT_LINES = 200  # of an epoch: a line a satellite
@@ -21,7 +21,7 @@ def read_text(path: Path) -> Bytes:
 
     It may be packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx), told by content, not by name.
     """
-    content = unmarked(read_bytes(path, is_text=True))
+    content = remove_mark(read_bytes(path, is_text=True))
     content = _BLANK_LINES.sub(b"", content, count=1)
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)

@@ -12,7 +12,7 @@ from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
-from fgnav.io.flight.series import FORWARD_RIGHT_DOWN, mounting
+from fgnav.io.flight.series import FORWARD_RIGHT_DOWN, mounting_rotation
 from fgnav.types.flight import Baseline
 from fgnav.types.instruments import USUAL_IMU_NOISE
 from tests.io.flights import whole_flight
@@ -227,13 +227,13 @@ def test_the_files_of_a_flight_are_listed(copy):
 
 
 def test_axes_and_angles_rotate_a_unit_into_the_body():
-    down = mounting(("-x", "y", "-z"), (0, 0, 0)) @ [0, 0, -9.8]
+    down = mounting_rotation(("-x", "y", "-z"), (0, 0, 0)) @ [0, 0, -9.8]
     np.testing.assert_allclose(down, [0, 0, 9.8], atol=1e-12)
     # Yawed right by 90 deg, the unit's own forward axis looks to the right of the body.
-    right = mounting(FORWARD_RIGHT_DOWN, (0, 0, 90)) @ [1, 0, 0]
+    right = mounting_rotation(FORWARD_RIGHT_DOWN, (0, 0, 90)) @ [1, 0, 0]
     np.testing.assert_allclose(right, [0, 1, 0], atol=1e-12)
     # Nose up by 10 deg: what the unit feels along its forward axis is partly up in the body.
-    up = mounting(FORWARD_RIGHT_DOWN, (0, 10, 0)) @ [1, 0, 0]
+    up = mounting_rotation(FORWARD_RIGHT_DOWN, (0, 10, 0)) @ [1, 0, 0]
     assert up[2] == pytest.approx(-np.sin(np.radians(10)))
 
 
@@ -247,7 +247,7 @@ def test_axes_and_angles_rotate_a_unit_into_the_body():
 )
 def test_axes_that_are_no_triad_are_refused(axes, text):
     with pytest.raises(BadInputError, match=text):
-        mounting(axes, (0, 0, 0))
+        mounting_rotation(axes, (0, 0, 0))
 
 
 def changed(copy, *pairs):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recognise import recognise_format
 from tests.io.importers.helpers import imported, refused
 
 STEP_S, RATE, FORCE = 0.005, [0.1, -0.2, 0.3], [0.5, -1.0, -9.8]
@@ -33,10 +33,10 @@ def test_increments_become_rates_at_the_middle_of_their_interval(tmp_path, files
 
 def test_its_files_are_told_by_their_content(tmp_path, files):
     for path in files:
-        assert recognised(path, tmp_path) == ("kfgins", path)
+        assert recognise_format(path, tmp_path) == ("kfgins", path)
     rates = [f"{456300 + 0.01 * k:.2f} 0.01 0.02 0.03 0.1 0.2 -9.8" for k in range(5)]
     (tmp_path / "rates.csv").write_text("\n".join(rates) + "\n")  # no increments
-    assert recognised(tmp_path / "rates.csv", tmp_path)[0] == "csv"
+    assert recognise_format(tmp_path / "rates.csv", tmp_path)[0] == "csv"
 
 
 def test_a_gap_of_the_unit_does_not_thin_its_rates(tmp_path, files):

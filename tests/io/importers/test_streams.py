@@ -12,7 +12,7 @@ from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.streams import messages
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recognise import recognise_format
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rtklib_convert import convert
@@ -261,7 +261,7 @@ def test_sentences_without_checksums_are_read_where_none_has_one(tmp_path):
     assert whole.notes["nmea"].startswith("its 4 sentences have no checksums")
     assert unused["byte: in no whole message: damaged, or of another format"] == 20
     (tmp_path / "a.nmea").rename(tmp_path / "a.log")
-    assert recognised(tmp_path / "a.log", tmp_path)[0] == "nmea"
+    assert recognise_format(tmp_path / "a.log", tmp_path)[0] == "nmea"
     (tmp_path / "mixed").mkdir()
     flight, unused, _ = read(tmp_path / "mixed", "nmea", "".join([*texts, bare[1]]))
     assert unused["byte: in no whole message: damaged, or of another format"] == len(bare[1])

@@ -21,7 +21,7 @@ from fgnav.checks import BadInputError, FloatArray, unused_of
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.fields import Counts, Fields, tables_of, xyz
-from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.formats.readers import guard_reading, reader
 from fgnav.io.importers.recording import ABOVE_SEA, Recording
 from fgnav.io.importers.settings import Settings
 
@@ -106,7 +106,7 @@ def _messages(path: Path, counts: Counts) -> dict[str, _Message]:
     """Return the fields of the messages that are read, in SI, by type; count the others."""
     os.environ.setdefault("PYMAVLINK_FAST_INDEX", "0")  # its compiled index prints on the screen
     module = reader("pymavlink.DFReader", "ardupilot")
-    with foreign(path, "a DataFlash log"):
+    with guard_reading(path, "a DataFlash log"):
         log = module.DFReader_binary(str(path))
         try:
             outside, messages = log.data_len, dict[str, _Message]()

@@ -53,10 +53,10 @@ def tables_of(
         for fields in some if name in messages else ():
             values = fields.values(messages[name])
             blocks[fields.table].append((fields.columns, messages[name]["t_s"], values))
-    return {kind: joined(kind, some, counts) for kind, some in blocks.items()}
+    return {kind: join_blocks(kind, some, counts) for kind, some in blocks.items()}
 
 
-def joined(kind: str, blocks: Sequence[Block], counts: Counts) -> Samples:
+def join_blocks(kind: str, blocks: Sequence[Block], counts: Counts) -> Samples:
     """Return the rows of the first block with those of the others that most rows have.
 
     Rows that lack what most have are left out. These, and what others have besides, are counted.

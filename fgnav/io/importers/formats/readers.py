@@ -22,7 +22,7 @@ def reader(module: str, format: str) -> ModuleType:  # noqa: A002
 
 
 @contextmanager
-def foreign(path: Path, format: str) -> Iterator[StringIO]:  # noqa: A002
+def guard_reading(path: Path, format: str) -> Iterator[StringIO]:  # noqa: A002
     """Yield what a third party's reader prints; whatever it raises is a damaged file."""
     if not path.exists():
         raise BadInputError(f"{path}: no such file; check the name")

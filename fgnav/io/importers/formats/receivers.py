@@ -12,14 +12,14 @@ from typing import Any
 from fgnav.checks import BadInputError, unused_of
 from fgnav.io.flight.toml import gps_seconds
 from fgnav.io.importers.formats.fields import Counts
-from fgnav.io.importers.formats.readers import foreign
+from fgnav.io.importers.formats.readers import guard_reading
 from fgnav.io.importers.formats.solution import LAYOUT, solution
 from fgnav.io.importers.formats.streams import messages
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.io.rinex.text import read_text
 from fgnav.io.rtklib_convert import convert
-from fgnav.io.user_files import read_bytes, unmarked
+from fgnav.io.user_files import read_bytes, remove_mark
 
 _MISSING = {"antenna.position_b_m": "where the antenna sits in the body is in no file: state it"}
 _NO_CHECKSUM = "its {} sentences have no checksums: what is damaged in them is not noticed"
@@ -50,7 +50,7 @@ def read_stream(path: Path, settings: Settings, scratch: Path) -> Recording:
     >>> recording.tables["fixes"]["height_m"].tolist(), recording.notes["nmea"]
     ([700.0], 'its 2 sentences have no checksums: what is damaged in them is not noticed')
     """
-    content, counts = unmarked(read_bytes(path)), Counts()
+    content, counts = remove_mark(read_bytes(path)), Counts()
     stated, others, size, unproved = _decoded(path, content, counts)
     near_s = None if settings.start is None else gps_seconds(path, settings.start)
     tables, is_dated, has_vectors, notes = solution(stated, near_s, counts)
@@ -106,7 +106,7 @@ def _decoded(
             others[message.protocol, message.number, message.name] += 1
             continue
         try:
-            with foreign(path, message.name):
+            with guard_reading(path, message.name):
                 stated.append((message.protocol, message.name, message.decoded()))
         except BadInputError:  # one message, that its checksum has proved, is no reason to stop
             counts[f"{message.name} message", "cannot be decoded"] += 1

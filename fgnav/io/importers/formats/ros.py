@@ -23,7 +23,7 @@ from fgnav.checks import BadInputError, unused_of
 from fgnav.io.flight import columns as col
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.fields import Counts, Fields, tables_of, xyz
-from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.formats.readers import guard_reading, reader
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
@@ -68,7 +68,7 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
     counts, rows = Counts(), defaultdict[str, list[list[float]]](list)
-    with foreign(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
+    with guard_reading(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
         topics = _topics(path, bag, settings, counts)
         chosen = [connection for connection in bag.connections if connection.topic in topics]
         if not chosen:

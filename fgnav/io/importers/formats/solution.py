@@ -21,7 +21,7 @@ from fgnav.checks import FloatArray
 from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples
 from fgnav.io.gps_time import UNIX_OF_GPS_S, WEEK_S, gps_of_utc
-from fgnav.io.importers.formats.fields import Counts, Fields, Names, joined
+from fgnav.io.importers.formats.fields import Counts, Fields, Names, join_blocks
 from fgnav.io.importers.recording import ABOVE_SEA
 
 _MM, _CM, _MS, _DEG = 1e-3, 1e-2, 1e-3, 180 / np.pi
@@ -159,7 +159,9 @@ def solution(
         headings = (len(some) for (*_, columns), some in rows.items() if columns == col.HEADING)
         counts["heading", "a baseline has it, too"] += sum(headings)
     tables = {
-        table: joined(table, [_block(rows, table, columns, counts) for columns in some], counts)
+        table: join_blocks(
+            table, [_block(rows, table, columns, counts) for columns in some], counts
+        )
         for table, some in groups.items()
     }
     tables = {table: some for table, some in tables.items() if len(some["t_s"])}

@@ -22,7 +22,7 @@ from fgnav.io.flight import columns as col
 from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
 from fgnav.io.importers.formats.fields import Counts, Fields, Message, tables_of, xyz
-from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.formats.readers import guard_reading, reader
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 
@@ -67,7 +67,7 @@ def read_ulog(path: Path, _settings: Settings, _scratch: Path) -> Recording:
     """
     pyulog = reader("pyulog", "ulog")
     counts, start_s = Counts(), None
-    with foreign(path, "ULog") as output, path.open("rb") as file:
+    with guard_reading(path, "ULog") as output, path.open("rb") as file:
         log = pyulog.ULog(file)
         counts["logger dropout", "the logger could not keep up"] += len(log.dropouts)
         damaged = int(log.file_corruption or "corruption" in output.getvalue())
