@@ -81,11 +81,12 @@ class Message(NamedTuple):
 
 def messages(content: bytes) -> tuple[list[Message], int]:
     """Return the whole messages of a stream, and how many sentences of them have no checksum."""
-    found = list(_messages(content, _SENTENCE))
-    if any(message.protocol == "nmea" for message in found):
-        return found, 0
-    both = list(_messages(content, _BARE_SENTENCE))
-    return both, sum(message.protocol == "nmea" for message in both)
+    checked = list(_messages(content, _SENTENCE))
+    has_checksums = any(message.protocol == "nmea" for message in checked)
+    if has_checksums or not _BARE_SENTENCE.search(content):
+        return checked, 0
+    everything = list(_messages(content, _BARE_SENTENCE))
+    return everything, sum(message.protocol == "nmea" for message in everything)
 
 
 def _messages(content: bytes, sentence: re.Pattern[bytes]) -> Iterator[Message]:
