@@ -1,4 +1,8 @@
-"""Observations against RTKLIB's reader, value by value; it runs in a process of its own."""
+"""Observations and messages against other readers, value by value: RTKLIB's, and georinex.
+
+RTKLIB's runs in a process of its own. georinex is no dependency: where it is absent, its tests are
+skipped.
+"""
 
 import json
 import subprocess
@@ -7,7 +11,8 @@ import sys
 import numpy as np
 import pytest
 
-from fgnav.io.rinex.reader import read_rinex
+from fgnav.io.rinex.reader import read_navigation, read_rinex
+from tests.io.rinex_texts import observation_2
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25
 PEER = """
@@ -44,3 +49,71 @@ def test_every_signal_that_rtklib_keeps_has_the_same_values(shared, name):
         want = np.array([row[k] for row in shared_rows])
         ours = np.nan_to_num(getattr(got, field)[n, 0, m])
         np.testing.assert_allclose(ours, want, rtol=1e-6 if k > 4 else 0, atol=1e-3 * (k > 5))
+
+
+FIELDS = {"C": "code_m", "L": "phase_cycles", "D": "doppler_hz", "S": "cn0_dbhz"}
+EPOCHS = 12  # of a station's 120: georinex takes .1 s for each
+
+
+def georinex():
+    """Return the library, without its warnings of what xarray will change."""
+    return pytest.importorskip("georinex", reason="georinex is not installed")
+
+
+def first_epochs(path):
+    """Return a file's head and its first epochs."""
+    lines = path.read_text().splitlines(keepends=True)
+    begins = [k for k, line in enumerate(lines) if line.startswith("> ")]
+    return "".join(lines[: begins[EPOCHS]])
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+@pytest.mark.parametrize("name", ["WTZR", "WTZZ", "RINEX 2"])
+def test_georinex_has_the_same_observations(shared, tmp_path, name):
+    library = georinex()
+    path = tmp_path / "a.rnx"
+    if name == "RINEX 2":
+        path.write_text(observation_2(satellites=9))
+    else:
+        path.write_text(first_epochs(next((shared / "wettzell").glob(f"{name}*.rnx"))))
+    theirs = library.load(path, use={"G"} if name == "RINEX 2" else set("GECRJ"))
+    (ours,) = read_rinex([], [path], START_GPS_S)[1]
+    start = np.datetime64("2020-06-25")
+    t_s = (theirs.time.values.astype("datetime64[us]") - start) / np.timedelta64(1, "s")
+    np.testing.assert_allclose(ours.t_s, t_s, rtol=0, atol=1e-6)
+    compared = 0
+    for m, (satellite, signal) in enumerate(zip(ours.satellites, ours.signals, strict=True)):
+        for letter, field in FIELDS.items():
+            named = {"1C": "1", "2W": "2"}[signal] if name == "RINEX 2" else signal
+            variable = "P2" if (letter, named) == ("C", "2") else f"{letter}{named}"
+            if variable in theirs and satellite in theirs.sv.values:
+                want = theirs[variable].sel(sv=satellite).values
+                got = getattr(ours, field)[:, 0, m]
+                np.testing.assert_array_equal(
+                    got, np.where(want == 0, np.nan, want).astype(got.dtype), variable
+                )
+                compared += int(np.isfinite(got).sum())
+    assert compared > 100 * len(t_s) or name == "RINEX 2"
+
+
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+def test_georinex_has_the_same_messages(shared, tmp_path):
+    library = georinex()
+    path = shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"
+    lines = path.read_text().splitlines(keepends=True)
+    size = next(k for k, one in enumerate(lines) if "END OF HEADER" in one) + 1
+    begins = [k for k, one in enumerate(lines[size:], size) if one[0] == "G"][:16]
+    text = [*lines[:size], *(line for k in begins for line in lines[k : k + 8])]
+    (tmp_path / "n.rnx").write_text("".join(text))
+    theirs = library.load(tmp_path / "n.rnx")
+    ours = read_navigation([tmp_path / "n.rnx"], START_GPS_S).records
+    names = {"af0_s": "SVclockBias", "mean_anomaly_rad": "M0", "eccentricity": "Eccentricity"}
+    names |= {"toe_sow_s": "Toe", "perigee_rad": "omega", "node_rate_radps": "OmegaDot"}
+    names |= {"crs_m": "Crs", "cic_rad": "Cic", "inclination_rate_radps": "IDOT"}
+    start = np.datetime64("2020-06-25")
+    times = (theirs.time.values.astype("datetime64[us]") - start) / np.timedelta64(1, "s")
+    for record in ours:
+        (row,) = np.flatnonzero(times == record["toc_s"])
+        for field, name in names.items():
+            assert record[field] == theirs[name].sel(sv=record["satellite"]).values[row]
+    assert len(ours) == 16
