@@ -117,7 +117,8 @@ def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[
 def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
     """Return satellites, number of epochs, and the time scale."""
     first = lines[0]
-    if first[:2] not in ("#a", "#b", "#c", "#d") or first[2:3] not in ("P", "V"):
+    is_first = first[:2] in ("#a", "#b", "#c", "#d", "# ") and first[2:3] in ("P", "V", " ")
+    if not is_first:  # files of before 1993 leave letter and kind out
         raise BadInputError(f"{path}: line 1: must start with #a to #d, got {quoted(first[:12])}")
     listed = [line for line in lines if line.startswith("+ ")]
     names = "".join(line[9:60].ljust(51) for line in listed)

@@ -9,6 +9,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.io.importers import FORMATS, importer_names
 from fgnav.io.importers.formats.kfgins import is_increments
+from fgnav.io.importers.formats.streams import messages
 from fgnav.io.tables import is_number
 from fgnav.io.user_files import PACKED, encoding_of, plain_name, read_bytes, remove_mark, unpack
 
@@ -75,6 +76,8 @@ def _format(path: Path) -> str:
     if is_table and _is_kfgins(np.array(rows, np.float64)):
         return "kfgins"
     if named is None:
+        for message in messages(head)[0]:  # text goes before them, or the log begins within one
+            return message.protocol
         raise UnknownFormatError(
             f"{path}: of no known format, it starts with {quoted(head[:12])}; state it by "
             f"--format, one of {', '.join(importer_names())}"

@@ -267,6 +267,15 @@ def test_sentences_without_checksums_are_read_where_none_has_one(tmp_path):
     assert unused["byte: in no whole message: damaged, or of another format"] == len(bare[1])
 
 
+@pytest.mark.parametrize("name", ["ubx", "sbf", "novatel"])
+def test_a_log_that_does_not_begin_with_a_message_is_recognised_by_the_first_whole_one(
+    tmp_path, name
+):
+    content = getattr(streams, name)()
+    (tmp_path / "a.log").write_bytes(b"# a receiver's log\n" + content[9:])
+    assert recognise_format(tmp_path / "a.log", tmp_path)[0] == name
+
+
 @pytest.mark.parametrize("status", [True, False])
 def test_positions_of_u_blox_serve_where_nothing_better_is_there(tmp_path, status):
     """NAV-POSLLH, NAV-VELNED; NAV-STATUS says which are none, NAV-TIMEGPS dates them."""

@@ -152,7 +152,8 @@ def solution(
             if np.isfinite(x).all():
                 rows[source, fields.table, fields.columns].append([round(t_s, 3), *x.tolist()])
             else:
-                counts[f"{name} message", f"has no {fields.columns[0]}"] += 1
+                absent = fields.columns[int(np.isfinite(x).argmin())]
+                counts[f"{name} message", f"has no {absent}"] += 1
     has_vectors = any(columns == col.BASELINE for *_, columns in rows)
     groups = {"fixes": _FIXES, "baseline": _VECTORS if has_vectors else _HEADINGS}
     if has_vectors:
