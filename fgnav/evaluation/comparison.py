@@ -155,12 +155,6 @@ class Comparison:
             "differences": [asdict(difference) for difference in self.differences],
         }
 
-    def to_json(self) -> str:
-        """Return ``to_dict`` as indented JSON."""
-        import json  # noqa: PLC0415  # only here
-
-        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
-
 
 Watch = Callable[[str], AbstractContextManager[object]]
 
