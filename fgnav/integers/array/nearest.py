@@ -10,7 +10,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import exp, product, transposed
 from fgnav.integers.array.nearest_direction import nearest_direction
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.integers.ils.link_weights import solved
+from fgnav.integers.ils.float_solution import solve_symmetric
 from fgnav.kernels.compiled import kernel
 
 _STEPS = 20
@@ -264,7 +264,7 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
         row = _dot(information[i], residual)
         for c in range(3):
             g[c] -= J[i, c] * row
-    return solved(H, g.reshape(3, 1)).reshape(3)
+    return solve_symmetric(H, g.reshape(3, 1)).reshape(3)
 
 
 @kernel
