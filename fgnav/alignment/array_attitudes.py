@@ -1,11 +1,12 @@
 """Attitudes of single epochs, where the smoother starts: of the array, or of other vectors."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.alignment.alignment import OF_FORM, Alignment, Rows
+from fgnav.alignment.alignment import Alignment
 from fgnav.alignment.array.pivot import View, pivot_notes, pivot_unused, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.in_motion.attitudes import carried_attitudes
@@ -19,7 +20,7 @@ from fgnav.alignment.vector_alignment import (
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.gravity import GravityDirection
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.validation import ValidatedArray, validated
@@ -132,36 +133,16 @@ def of_arrays(
                 raise
     start = parts[0][1]
     for view, other in parts[1:]:
-        start = _completed_by(start, other, view.rows)
-    return replace(
-        start,
-        unused=pivot_unused(views, start.unused),
-        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes(views)))),
+        start = start.with_rows(view.rows, other)
+    notes, unused, rejections = (
+        tuple(chain.from_iterable(getattr(part, name) for _, part in parts))
+        for name in ("notes", "unused", "rejections")
     )
-
-
-def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
-    """Fill some epochs, (k,), that have none with the attitudes by another reference antenna."""
-
-    def put(values: Rows, of: Rows) -> Any:  # noqa: ANN401
-        out = values.copy()
-        out[rows] = of
-        return out
-
-    form = start.form
-    if form is not None and other.form is not None:
-        parts = {name: put(getattr(form, name), getattr(other.form, name)) for name in OF_FORM}
-        form = RotationQuadratic(**parts)
     return replace(
         start,
-        R_nb=put(start.R_nb, other.R_nb),
-        covariance_rad2=put(start.covariance_rad2, other.covariance_rad2),
-        valid=put(start.valid, other.valid),
-        form=form,
-        refused=put(start.refused, other.refused),
-        unused=(*start.unused, *other.unused),
-        rejections=(*start.rejections, *other.rejections),
-        notes=(*start.notes, *other.notes),
+        unused=pivot_unused(views, unused),
+        rejections=rejections,
+        notes=tuple(dict.fromkeys((*notes, *pivot_notes(views)))),
     )
 
 

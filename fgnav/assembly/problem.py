@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 
 from fgnav.alignment.array.multipath import lasting_error
-from fgnav.alignment.array.shape import initial_shape, shape_at
+from fgnav.alignment.array.shape import array_shape, initial_shape
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.initial import attitude_prior
 from fgnav.alignment.rates import timed_motion
 from fgnav.assembly.calibration_request import (
     constants_of,
-    late_s,
     mean_rate,
-    of_tags,
-    with_evidence,
+    propagation_span_s,
+    timestamp_offset,
     with_landmark,
 )
 from fgnav.assembly.heading_open import open_heading, until_motion
@@ -81,7 +80,7 @@ def build_problem(
     others = instruments(flight, stage, track, v_n_mps, stands)
     antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
     track = track._replace(antenna=antenna)
-    requested = (*requested, *of_tags(settings.calibration, flight))
+    requested = (*requested, *timestamp_offset(settings.calibration, flight))
     constants = _constants(requested, stage, others, flight.photodetector)
     multipath, multipath_notes = _multipath(stage, requested)
     motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
@@ -152,7 +151,7 @@ def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMo
         track.gravity_n_mps2,
         stage.earth_rate_n_radps,
         causal=stage.causal,
-        span_s=late_s(settings.calibration),
+        span_s=propagation_span_s(settings.calibration),
     )
 
 
@@ -208,9 +207,8 @@ def _constants(
     photodetector: Photodetector | None,
 ) -> Parameters:
     """List the constants: calibration, instruments, phases and the mean rate."""
-    parts = with_evidence(requested, sight=others.is_landmark_seen)
-    if others.is_landmark_seen and photodetector is not None:
-        parts = with_landmark(parts, photodetector.landmark_n_m)
+    seen = photodetector if others.is_landmark_seen else None
+    parts = with_landmark(requested, None if seen is None else seen.landmark_n_m)
     parts = (*parts, *others.constants)
     if not stage.gyroscope:
         parts = (*parts, mean_rate())
@@ -229,9 +227,9 @@ def _antennas(
     rates, earth = stage.rates if stage.gyroscope else None, stage.earth_rate_n_radps
     names = tuple(antenna.name for antenna in flight.antennas)
     if start.form is not None:
-        shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
+        shape = array_shape(start, requested, names)
         errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch
-        yield from array_sensors(start.form, shape, names, start.valid, stretch, errors)
+        yield from array_sensors(start.form, shape, start.valid, stretch, errors)
     if not antenna.phases:
         yield from positions(series for _, series in antenna.positions)
     is_late = any(one.name == VELOCITY_DELAY for one in requested)

@@ -6,16 +6,13 @@ the others, so that a reader sees the runner-up.
 """
 
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
-from fgnav.assembly.calibration_request import (
-    calibration_requests,
-    of_time,
-    of_vehicle,
-)
+from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.checks import FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import LEVER_ARM
@@ -57,13 +54,8 @@ def with_latency_and_lever_arm(
     kinds : tuple of str
         Of ``"velocity-delay"`` and ``"lever-arm"``.
     """
-    requests = calibration_requests(kinds)
-    parts = tuple(
-        part
-        for one in requests
-        for part in (of_time(one) if one.kind == LATENCY else (of_vehicle(one),))
-    )
-    extended = problem.with_constants(parts)
+    parts = [one.parameters() for one in calibration_requests(kinds)]
+    extended = problem.with_constants(tuple(chain.from_iterable(parts)))
     sensors: list[Sensor] = []
     for sensor in extended.sensors:
         if sensor.name == Velocity.name and LATENCY in kinds and isinstance(sensor, Subset):

@@ -33,8 +33,6 @@ _ITERATIONS, _SETTLED = 20, 1e-6
 _UNKNOWN = 1.0  # 1-sigma of an element of u: more than attitudes are off
 _OFF_RAD = 0.02  # 1-sigma of where a stretch begins, for those who ask before it is smoothed
 _DROPPED_AT_MOST = 0.5  # of a stretch's epochs: with more, something else than integers is wrong
-_VARIANCES = ("code_variance_m2", "phase_variance_m2")
-_EPOCHS = ("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc", *_VARIANCES)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -85,40 +83,35 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
     differences = start.phases[0]
     epoch = start.epochs_of(differences.t_s)
     every_run = _runs(start, differences, epoch)
-    if not every_run:
-        return start, none
     by_length = np.argsort([-len(rows) for rows in every_run], kind="stable")
     runs = [every_run[i] for i in np.sort(by_length[:_MOST])]
-    valid, R_nb, P = start.valid.copy(), start.R_nb.copy(), start.covariance_rad2.copy()
-    form = RotationQuadratic(
-        start.form.information.copy(),
-        start.form.vector.copy(),
-        start.form.constant.copy(),
-        start.form.count.copy(),
-    )
     arcs = count = 0
     omitted = sum(len(rows) for rows in every_run) - sum(len(rows) for rows in runs)
     for rows in runs:
-        R_0, anchor = _beside(start.t_s, R_nb, valid, rows)
+        R_0, anchor = _attitude_at_end(start, rows)
         if R_0 is None:
             omitted += len(rows)
             continue
-        part = _taken(differences, epoch[rows])
-        of_run, attitude, good = _solved(part, anchor, R_0, false_alarm)
-        omitted += int((~good).sum())
+        part = differences[epoch[rows]]
+        form, attitude, good = _solved(part, anchor, R_0, false_alarm)
         if good.mean() < _DROPPED_AT_MOST or good.sum() < _FEWEST:
-            omitted += int(good.sum())
+            omitted += len(rows)
             continue
-        at = rows[good]
-        valid[at], R_nb[at], stretch[at] = True, attitude.R_nb[good], count
-        P[at] = attitude.covariance_rad2[good] + _OFF_RAD**2 * np.eye(3)
-        for name in ("information", "vector", "constant", "count"):
-            getattr(form, name)[at] = getattr(of_run, name)[good]
+        omitted += int((~good).sum())
+        kept = np.flatnonzero(good)
+        at = rows[kept]
+        aligned = replace(
+            start[at],
+            R_nb=attitude.R_nb[kept],
+            covariance_rad2=attitude.covariance_rad2[kept] + _OFF_RAD**2 * np.eye(3),
+            valid=good[kept],
+            form=form[kept],
+        )
+        start, stretch[at] = start.with_rows(at, aligned), count
         arcs += int(part.resolvable[0].sum())
         count += 1
-    return (
-        replace(start, valid=valid, R_nb=R_nb, covariance_rad2=P, form=form),
-        FloatArcs(stretch=stretch, count=count, notes=_notes(stretch, count, arcs, omitted)),
+    return start, FloatArcs(
+        stretch=stretch, count=count, notes=_notes(stretch, count, arcs, omitted)
     )
 
 
@@ -151,14 +144,12 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     return [rows for rows in runs if len(rows) >= _FEWEST]
 
 
-def _beside(
-    t_s: FloatArray, R_nb: FloatArray, valid: BoolArray, rows: IntArray
-) -> tuple[FloatArray | None, int]:
-    """Return about how the body stands at one end of a run, and at which of its epochs.
+def _attitude_at_end(start: Alignment, rows: IntArray) -> tuple[FloatArray | None, int]:
+    """Return the attitude at one end of a run, and at which of its epochs; None of neither.
 
-    It turns on as it did over the last attitudes on that side.
+    The body turns on as it did over the last attitudes on that side.
     """
-    good = np.flatnonzero(valid)
+    t_s, R_nb, good = start.t_s, start.R_nb, np.flatnonzero(start.valid)
     place = int(np.searchsorted(good, rows[0]))  # of the first known after the run
     ends = [(rows[0], place - 1, -1, 0), (rows[-1], place, 1, -1)]
     for row, at, side, anchor in ends:
@@ -166,17 +157,12 @@ def _beside(
             continue
         near = good[at]
         away = near + side * _RATE_EPOCHS
-        if not (0 <= away < len(t_s) and valid[away]):
+        if not (0 <= away < len(t_s) and start.valid[away]):
             return R_nb[near], anchor
         share = (t_s[row] - t_s[near]) / (t_s[near] - t_s[away])
         turn = log(R_nb[away].T[None] @ R_nb[near][None])
         return (R_nb[near] @ exp(share * turn))[0], anchor
     return None, 0
-
-
-def _taken(differences: DoubleDifferences, rows: IntArray) -> DoubleDifferences:
-    """Select epochs of the differences."""
-    return replace(differences, **{name: getattr(differences, name)[rows] for name in _EPOCHS})
 
 
 def _solved(

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.alignment.array.multipath import symmetric_root
-from fgnav.alignment.array.shape import BaselineForm
 from fgnav.assembly.position.series import VectorSeries
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
@@ -20,8 +19,7 @@ from fgnav.graph.types.sensor import Sensor
 
 def array_sensors(
     form: RotationQuadratic,
-    shape: BaselineForm | None,
-    antennas: tuple[str, ...],
+    shape: ArrayShape | None,
     valid: BoolArray,
     stretch: IntArray,
     multipath: tuple[Multipath | None, bool],
@@ -31,10 +29,8 @@ def array_sensors(
     Parameters
     ----------
     form : RotationQuadratic
-    shape : BaselineForm or None
-        Where antennas are estimated: in place of ``form`` where it is valid.
-    antennas : tuple of str
-        Names, the reference first.
+    shape : ArrayShape or None
+        Where antennas are estimated: in place of ``form``.
     valid : ndarray of bool, shape (n,)
         Keyframes whose phases take part.
     stretch : ndarray of int, shape (n,)
@@ -44,15 +40,9 @@ def array_sensors(
         as white noise of the same density at low frequencies.
     """
     if shape is not None:
-        row = np.flatnonzero(shape.valid)
-        yield ArrayShape(
-            row=row,
-            root=shape.root[row],
-            minimum_n_m=shape.minimum[row],
-            baselines_b_m=shape.baselines_b_m,
-            antennas=antennas[1:],
-        )
-        valid = valid & ~shape.valid
+        yield shape
+        valid = valid.copy()
+        valid[shape.row] = False
     row = np.flatnonzero(valid & (form.count > 0))
     form, (correlated, is_state) = form[row], multipath
     if correlated is not None and not is_state:
