@@ -129,7 +129,7 @@ def _begun_again(of: Undifferenced, m: int, epoch: int, cycles: float) -> Undiff
 
 def _spans_s(live: LiveRows, t_s: FloatArray) -> list[tuple[float, float]]:
     """Return the first and the last epoch of each block."""
-    times_s, blocks = t_s[live.row], np.arange(len(live.transitions))
+    times_s, blocks = t_s[live.row], np.arange(len(live.blocks))
     first = np.searchsorted(live.block, blocks)
     last = np.searchsorted(live.block, blocks, side="right") - 1
     return list(zip(times_s[first].tolist(), times_s[last].tolist(), strict=True))
