@@ -8,7 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from fgnav.gnss.difference import double_differences
-from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.ils.affine import search_array
 from fgnav.io.flight.folder import load_flight
 from fgnav.types.flight import Flight

@@ -21,7 +21,8 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.acceptance import share_threshold
-from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import ConstrainedSearch, search_constrained
 from fgnav.integers.ils.affine import search_array
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.types.differences import DoubleDifferences

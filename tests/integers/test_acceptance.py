@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from fgnav.integers.acceptance import share_threshold
-from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import search_constrained
 
 from .arrays import make, simulated
 

@@ -151,11 +151,10 @@ def noise_as_shown(differences: DoubleDifferences, *, causal: bool = False) -> D
 
     Causal: each epoch's by epochs up to it alone.
     """
-    from fgnav.integers.array import noise  # noqa: PLC0415
+    from fgnav.integers.array.noise import with_estimated_noise  # noqa: PLC0415
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
 
-    estimated = noise.with_noise_so_far if causal else noise.with_estimated_noise
-    return estimated(differences, Constrained().nodes)
+    return with_estimated_noise(differences, Constrained().nodes, causal=causal)
 
 
 _NOISE_SO_FAR = partial(noise_as_shown, causal=True)  # one object: resolvers with it are alike

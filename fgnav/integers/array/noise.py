@@ -61,7 +61,9 @@ class _Sample(NamedTuple):
         return replace(self.differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
-def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
+def with_estimated_noise(
+    differences: DoubleDifferences, nodes: int, *, causal: bool = False
+) -> DoubleDifferences:
     """Return the same differences with code and phase variances as large as the data show.
 
     As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
@@ -71,33 +73,19 @@ def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDi
     ----------
     nodes : int
         What the search of an epoch may visit.
+    causal : bool
+        Each epoch's variances by epochs up to it alone: renewed when there are 30, 120, 480, ...
     """
     rows = _of_array(differences)
-    if len(rows) < _ENOUGH:
-        return differences
-    all_epochs = _sample(differences, rows)
-    sample = all_epochs.at(_picked(differences, rows))
-    return all_epochs.with_law(_of_mean(*_typical(sample, min(nodes, _NODES), np.array(_CALM))))
-
-
-def with_noise_so_far(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
-    """Return the same, each epoch's variances by epochs up to it alone.
-
-    As stated until 30 epochs have links; renewed when there are four times as many, and again.
-    """
-    rows = _of_array(differences)
-    code_m2 = differences.code_variance_m2.copy()
-    phase_m2 = differences.phase_variance_m2.copy()
-    count, start = _ENOUGH, np.array(_CALM)
+    code_m2, phase_m2 = differences.code_variance_m2.copy(), differences.phase_variance_m2.copy()
+    count, start = _ENOUGH if causal else max(len(rows), _ENOUGH), np.array(_CALM)
     while count <= len(rows):
         past = rows[:count]
         all_epochs = _sample(differences, past)
         sample = all_epochs.at(_picked(differences, past))
         law, enough = _typical(sample, min(nodes, _NODES), start)
-        later, variances = (
-            slice(int(past[-1]), None),
-            all_epochs.variances_m2(_of_mean(law, enough)),
-        )
+        later = slice(int(past[-1]) if causal else 0, None)
+        variances = all_epochs.variances_m2(_of_mean(law, enough))
         code_m2[later], phase_m2[later] = (part[later] for part in variances)
         count, start = _RENEWED * count, law if enough else np.array(_CALM)
     return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)

@@ -22,25 +22,6 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.kernels.compiled import kernel
 
-__all__ = [
-    "ASYMMETRIC",
-    "NOT_FINITE",
-    "NOT_POSITIVE",
-    "OK",
-    "UNFINISHED",
-    "WITHOUT_LIMIT",
-    "checked_problem",
-    "decorrelate",
-    "fault",
-    "fixable",
-    "integer_least_squares",
-    "kernel",
-    "refused",
-    "search",
-    "solve",
-    "solve_subset",
-]
-
 OK, NOT_FINITE, ASYMMETRIC, NOT_POSITIVE, UNFINISHED = range(5)  # how a kernel ended
 WITHOUT_LIMIT = 2**62  # nodes: centuries
 

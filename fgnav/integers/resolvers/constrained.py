@@ -15,15 +15,9 @@ from fgnav.integers.acceptance import (
     share_so_far,
     share_threshold,
 )
-from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
-from fgnav.integers.array.search import (
-    ILL,
-    PROVEN,
-    UNFINISHED,
-    UNPROVEN,
-    ConstrainedSearch,
-    search_constrained,
-)
+from fgnav.integers.array.kernel import ILL, PROVEN, UNFINISHED, UNPROVEN
+from fgnav.integers.array.noise import with_estimated_noise
+from fgnav.integers.array.search import ConstrainedSearch, search_constrained
 from fgnav.integers.identification import Residuals, exclude_links, touched, w_tests
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
@@ -108,8 +102,7 @@ class Constrained:
                 "so no array constrains integers; state where they are, or take --integers lambda"
             )
         if self.estimate_noise:
-            estimated = with_noise_so_far if self.causal else with_estimated_noise
-            differences = estimated(differences, self.nodes)
+            differences = with_estimated_noise(differences, self.nodes, causal=self.causal)
         sets = _Sets(
             differences,
             search_constrained(differences, self.nodes),

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.resolvers.constrained import Constrained
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 

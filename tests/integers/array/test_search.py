@@ -8,9 +8,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from fgnav.integers.array.kernel import PROVEN, UNFINISHED
 from fgnav.integers.array.nearest import log_volume, nearest, weak_axis
 from fgnav.integers.array.relaxation import relaxation
-from fgnav.integers.array.search import PROVEN, UNFINISHED, search_constrained
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.array.walk import least_distance
 from fgnav.integers.ils.array_model import link_arrays, spans
 from fgnav.integers.ils.decorrelation import decorrelate
