@@ -77,8 +77,10 @@ def with_estimated_noise(
         Each epoch's variances by epochs up to it alone: renewed when there are 30, 120, 480, ...
     """
     rows = _of_array(differences)
+    if len(rows) < _ENOUGH:
+        return differences
     code_m2, phase_m2 = differences.code_variance_m2.copy(), differences.phase_variance_m2.copy()
-    count, start = _ENOUGH if causal else max(len(rows), _ENOUGH), np.array(_CALM)
+    count, start = _ENOUGH if causal else len(rows), np.array(_CALM)
     while count <= len(rows):
         past = rows[:count]
         all_epochs = _sample(differences, past)
