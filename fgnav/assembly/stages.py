@@ -4,7 +4,6 @@ Causal, each keyframe is by what came before it alone.
 """
 
 from dataclasses import replace
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -84,9 +83,9 @@ class Tracked(NamedTuple):
     """Motion of antennas, without measurements that contradict the inertial track."""
 
     t_s: FloatArray
-    antenna: AntennaMotion  # velocities, and positions of fixes, without what is left out
     places_n_m: FloatArray  # (n, 3), about where the antenna is
     gravity_n_mps2: FloatArray
+    antenna: AntennaMotion  # velocities, and positions of fixes, without what is rejected
     rejections: tuple[Rejected, ...]
     unused: tuple[Unused, ...]
 
@@ -278,26 +277,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
-    positions = {} if antenna.phases else dict(antenna.positions)
-    velocities = dict(antenna.velocities)
-    tested = {
-        name: gated(inertial, (positions.get(name), velocities.get(name)), name)
-        for name in dict.fromkeys((*positions, *velocities))
-    }
-    placed, moved = (
-        tuple((name, one) for name, gate in tested.items() if (one := part(gate)) is not None)
-        for part in (attrgetter("position"), attrgetter("velocity"))
-    )
-    positions_left = antenna.positions if antenna.phases else placed
-    antenna = replace(antenna, positions=positions_left, velocities=moved)
-    return Tracked(
-        t_s,
-        antenna,
-        places_n_m,
-        gravity_n_mps2,
-        tuple(rejection for gate in tested.values() for rejection in gate.rejections),
-        tuple(one for gate in tested.values() for one in gate.unused),
-    )
+    return Tracked(t_s, places_n_m, gravity_n_mps2, *gated(inertial, antenna))
 
 
 def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:

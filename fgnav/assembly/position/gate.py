@@ -1,10 +1,12 @@
 """Fixes that jump: positions and velocities held against the inertial track about them."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.alignment.rates import swing_n_mps
+from fgnav.assembly.position.antenna_motion import AntennaMotion
 from fgnav.assembly.position.series import VectorSeries
 from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.geometry.interpolation import integral, interpolate
@@ -22,12 +24,10 @@ _TRACK_MPS2 = 0.05
 _NORMAL = 1.4826  # sigma of normal noise over its median size
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Gated:
-    """Positions and velocities at keyframes, NaN where they are not believed."""
+class Gated(NamedTuple):
+    """Motion of antennas, NaN where a position or a velocity is rejected."""
 
-    position: VectorSeries | None
-    velocity: VectorSeries | None
+    antenna: AntennaMotion
     rejections: tuple[Rejected, ...]
     unused: tuple[Unused, ...]
 
@@ -48,12 +48,8 @@ class InertialTrack:
     causal: bool = False  # whether fixes are held against those before them alone
 
 
-def gated(
-    track: InertialTrack,
-    measured: tuple[VectorSeries | None, VectorSeries | None],
-    antenna: str,
-) -> Gated:
-    """Take out fixes that are off their neighbours by more than noise can be.
+def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
+    """Reject positions by fixes, and velocities, that are off their neighbours by more than noise.
 
     Specific force turned by approximate attitudes determines how velocity changes, and velocity how
     position does, far better over seconds than fixes do. What is left of a fix is nearly constant;
@@ -65,50 +61,68 @@ def gated(
     Parameters
     ----------
     track : InertialTrack
-    measured : tuple of VectorSeries or None
-        Positions and velocities of the antenna.
-    antenna : str
-        Its name.
+    antenna : AntennaMotion
     """
-    position, velocity = measured
     t_s, R_nb = track.t_s, track.R_nb
     gained_n_mps = _inertial(track)
-    tested, causal = ~_about(t_s, track.untested, causal=track.causal), track.causal
-    tests: list[tuple[str, str, FloatArray]] = []
     gravity_mps2 = np.linalg.norm(track.gravity_n_mps2, axis=1)
     track_mps2 = np.hypot(_TRACK_MPS2, gravity_mps2 * track.attitude_sigma_rad)
-    v_n_mps = gained_n_mps
-    if velocity is not None:
-        residual = velocity.value - gained_n_mps
-        residual -= swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
-        track_mps = track_mps2 * _AROUND_S
-        off, middle = _against_neighbours(
-            t_s, residual, velocity.covariance, track_mps, causal=causal
-        )
-        off *= tested
-        velocity = _without(velocity, off > 0)
-        v_n_mps = gained_n_mps + middle
-        tests.append(("velocity", "m/s", off))
-    elif position is not None:
-        v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=causal)
-    if position is not None:
-        moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
-        residual, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
-        off, _ = _against_neighbours(t_s, residual, position.covariance, track_m, causal=causal)
-        off *= tested
-        position = _without(position, off > 0)
-        tests.append(("position", "m", off))
-    lists = [_listed(what, unit, antenna, t_s, off) for what, unit, off in tests]
+    positions = {} if antenna.phases else dict(antenna.positions)
+    velocities = dict(antenna.velocities)
+    tests: list[tuple[str, str, str, FloatArray]] = []
+    for name in dict.fromkeys((*positions, *velocities)):
+        position, velocity = positions.get(name), velocities.get(name)
+        v_n_mps = gained_n_mps
+        if velocity is not None:
+            swing_mps = swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
+            sigma_mps = track_mps2 * _AROUND_S
+            velocities[name], off, middle = _tested(
+                track, velocity, gained_n_mps + swing_mps, sigma_mps
+            )
+            tests.append(("velocity", "m/s", name, off))
+            v_n_mps = gained_n_mps + middle
+        elif position is not None:
+            v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=track.causal)
+        if position is not None:
+            moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
+            sigma_m = track_mps2 * _AROUND_S**2 / 2
+            positions[name], off, _ = _tested(track, position, moved_n_m, sigma_m)
+            tests.append(("position", "m", name, off))
+    placed = antenna.positions if antenna.phases else tuple(positions.items())
     return Gated(
-        position=position,
-        velocity=velocity,
-        rejections=tuple(one for part in lists for one in part),
-        unused=tuple(
+        replace(antenna, positions=placed, velocities=tuple(velocities.items())),
+        tuple(one for test in tests for one in _listed(t_s, *test)),
+        tuple(
             Unused(what=what, reason="off its neighbours", count=int((off > 0).sum()))
-            for what, _, off in tests
+            for what, _, _, off in tests
             if off.any()
         ),
     )
+
+
+def _tested(
+    track: InertialTrack, series: VectorSeries, expected: FloatArray, track_sigma: FloatArray
+) -> tuple[VectorSeries, FloatArray, FloatArray]:
+    """Return a series less what is rejected, the errors of that, (n,), and the medians, (n, 3).
+
+    ``expected``, (n, 3), is by the inertial track, whose sigma is ``track_sigma``, (n,).
+    """
+    t_s, causal = track.t_s, track.causal
+    residual = series.value - expected
+    valid = np.isfinite(residual[:, 0])
+    middle: FloatArray = np.zeros_like(residual)
+    off: FloatArray = np.zeros(len(t_s))
+    if valid.any():
+        medians = _medians(t_s[valid], residual[valid], causal=causal)
+        middle = interpolate(t_s, t_s[valid], medians, causal=causal)
+        apart = residual[valid] - medians
+        spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
+        variance = np.einsum("nii->ni", series.covariance[valid]) + spread**2
+        sigma = np.sqrt(variance + track_sigma[valid, None] ** 2)
+        out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
+        off[valid] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
+    off *= ~_about(t_s, track.untested, causal=causal)
+    return replace(series, value=np.where(off[:, None] > 0, np.nan, series.value)), off, middle
 
 
 def _about(t_s: FloatArray, marked: BoolArray, *, causal: bool) -> BoolArray:
@@ -148,34 +162,6 @@ def _drift(
     return interpolate(t_s, t_s[valid][1:], middle, causal=causal)
 
 
-def _against_neighbours(
-    t_s: FloatArray,
-    residual: FloatArray,
-    covariance: FloatArray,
-    track: FloatArray,
-    *,
-    causal: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the errors of rejected values, (n,), 0 of the others; and the medians, (n, 3).
-
-    ``track``, (n,), is the sigma of the inertial track; values of different pieces are not
-    neighbours.
-    """
-    valid = np.isfinite(residual[:, 0])
-    middle = np.zeros_like(residual)
-    off = np.zeros(len(t_s))
-    if not valid.any():
-        return off, middle
-    medians = _medians(t_s[valid], residual[valid], causal=causal)
-    middle = interpolate(t_s, t_s[valid], medians, causal=causal)
-    apart = residual[valid] - medians
-    spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
-    sigma = np.sqrt(np.einsum("nii->ni", covariance[valid]) + spread**2 + track[valid, None] ** 2)
-    out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
-    off[valid] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
-    return off, middle
-
-
 def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray:
     """Return the median of each value and its neighbours, (k, 3), none from beyond a gap.
 
@@ -195,11 +181,7 @@ def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray
     return np.asarray((ordered[row, (count - 1) // 2] + ordered[row, count // 2]) / 2)
 
 
-def _without(timed: VectorSeries, out: BoolArray) -> VectorSeries:
-    return replace(timed, value=np.where(out[:, None], np.nan, timed.value))
-
-
-def _listed(what: str, unit: str, antenna: str, t_s: FloatArray, off: FloatArray) -> list[Rejected]:
+def _listed(t_s: FloatArray, what: str, unit: str, antenna: str, off: FloatArray) -> list[Rejected]:
     """List the rejected values, neighbours as one interval."""
     edges = np.diff(np.concatenate([[False], off > 0, [False]]).astype(np.int8))
     first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
