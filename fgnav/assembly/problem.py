@@ -1,13 +1,12 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fgnav.alignment.array.multipath import lasting_error
-from fgnav.alignment.array.shape import array_shape, initial_shape
+from fgnav.alignment.array.shape import array_shape, initial_shape, is_shape_estimated
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.initial import attitude_prior
 from fgnav.alignment.rates import timed_motion
@@ -32,18 +31,18 @@ from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
 from fgnav.checks import BoolArray, Unused
 from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
-from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.parameters import Parameter, Parameters
-from fgnav.graph.types.problem import Opening, Problem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
 from fgnav.integrity.instrument_screen import without_stuck
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, InitialAttitude, Photodetector
+from fgnav.types.flight import Flight
+from fgnav.types.instruments import Photodetector
 
 
 def build_problem(
@@ -82,10 +81,19 @@ def build_problem(
     track = track._replace(antenna=antenna)
     requested = (*requested, *timestamp_offset(settings.calibration, flight))
     constants = _constants(requested, stage, others, flight.photodetector)
-    multipath, multipath_notes = _multipath(stage, requested)
+    # Where antennas are off their places that looks like multipath.
+    is_looked_for = not (stage.causal or is_shape_estimated(requested))
+    multipath, multipath_notes = lasting_error(stage.start) if is_looked_for else (None, ())
     motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
     motion = resting_motion(motion, stage.record.imu, rest, settings.at_rest)
-    timed = _timed(stage, track, settings)
+    timed = timed_motion(
+        stage.record.imu,
+        track.t_s,
+        track.gravity_n_mps2,
+        stage.earth_rate_n_radps,
+        causal=stage.causal,
+        span_s=propagation_span_s(settings.calibration),
+    )
     phases = antenna_phase(
         track.antenna.phases,
         track.t_s,
@@ -111,7 +119,7 @@ def build_problem(
     notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
     return PreparedFlight(
         problem=until_motion(problem, stage, track, flight.initial),
-        opening=_opening(problem, stage, track, flight.initial),
+        opening=open_heading(problem, stage, track, flight.initial),
         imu=stage.record.imu,
         earth_rate_n_radps=stage.earth_rate_n_radps,
         epochs=stage.epochs,
@@ -132,50 +140,6 @@ def build_problem(
 def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
     """Concatenate the reports of the problem's parts."""
     return tuple(one for part in parts for one in getattr(part, name, ()))
-
-
-def _opening(
-    problem: Problem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
-) -> Opening | None:
-    """Return the problem as a filter has it until the heading is known; None if it always is."""
-    phase = _phase_before_heading(problem.phase, stage, track, problem.constants)
-    opening = open_heading(replace(problem, phase=phase), stage, track, initial)
-    return None if opening is None else replace(opening, aligned=problem)
-
-
-def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMotion:
-    """Compute the kinematics at keyframes, for clocks and delays."""
-    return timed_motion(
-        stage.record.imu,
-        track.t_s,
-        track.gravity_n_mps2,
-        stage.earth_rate_n_radps,
-        causal=stage.causal,
-        span_s=propagation_span_s(settings.calibration),
-    )
-
-
-def _multipath(
-    stage: Aligned, requested: tuple[Parameter, ...]
-) -> tuple[Multipath | None, tuple[str, ...]]:
-    """Return the array's correlated errors; where its shape is asked for they look like it."""
-    shape_requested = any(one.name.startswith("antenna ") for one in requested)
-    return (None, ()) if stage.causal or shape_requested else lasting_error(stage.start)
-
-
-def _phase_before_heading(
-    phase: AntennaPhase | None, stage: Aligned, track: Tracked, constants: Parameters
-) -> AntennaPhase | None:
-    """Return phases before the heading is known: turns wind them up about an open one, too."""
-    phases, t_s = track.antenna.phases, track.t_s
-    if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
-        return phase
-    before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
-    part = tuple(
-        phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
-        for phase, rows in zip(phases, before, strict=True)
-    )
-    return antenna_phase(part, t_s, stage.R_open, constants, causal=True).phase
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:

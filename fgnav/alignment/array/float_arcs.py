@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.alignment.alignment import Alignment
+from fgnav.alignment.filling import interpolated_attitudes
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
@@ -43,6 +44,11 @@ class FloatArcs:
     stretch: IntArray  # (n,)
     count: int  # stretches
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def none(cls, n: int) -> "FloatArcs":
+        """Return those of n keyframes that all have integers, or no phases."""
+        return cls(stretch=np.full(n, -1, dtype=np.int64), count=0)
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
@@ -76,8 +82,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         At keyframes, (n,).
     false_alarm : float
     """
-    stretch = np.full(len(start.t_s), -1, dtype=np.int64)
-    none = FloatArcs(stretch=stretch, count=0)
+    none = FloatArcs.none(len(start.t_s))
     if start.phases is None or start.form is None or start.valid.all():
         return start, none
     differences = start.phases[0]
@@ -85,7 +90,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
     every_run = _runs(start, differences, epoch)
     by_length = np.argsort([-len(rows) for rows in every_run], kind="stable")
     runs = [every_run[i] for i in np.sort(by_length[:_MOST])]
-    arcs = count = 0
+    stretch, arcs, count = none.stretch.copy(), 0, 0
     omitted = sum(len(rows) for rows in every_run) - sum(len(rows) for rows in runs)
     for rows in runs:
         R_0, anchor = _attitude_at_end(start, rows)
@@ -110,9 +115,11 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         start, stretch[at] = start.with_rows(at, aligned), count
         arcs += int(part.resolvable[0].sum())
         count += 1
-    return start, FloatArcs(
-        stretch=stretch, count=count, notes=_notes(stretch, count, arcs, omitted)
-    )
+    if count:
+        R_nb = interpolated_attitudes(start.t_s, start.R_nb, start.valid)
+        start = replace(start, R_nb=R_nb)
+    notes = _notes(stretch, count, arcs, omitted)
+    return start, FloatArcs(stretch=stretch, count=count, notes=notes)
 
 
 def _notes(stretch: IntArray, count: int, arcs: int, omitted: int) -> tuple[str, ...]:

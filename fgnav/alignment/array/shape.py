@@ -133,6 +133,11 @@ def initial_shape(
     return replace(flight, antennas=tuple(moved)), tuple(started)
 
 
+def is_shape_estimated(constants: tuple[Parameter, ...]) -> bool:
+    """Return True if positions of antennas are among the constants."""
+    return any(constant.name.startswith("antenna ") for constant in constants)
+
+
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
     """Find the constant that is the position of each antenna but the reference; -1 of none."""
     places = {constant.name: k for k, constant in enumerate(constants)}
