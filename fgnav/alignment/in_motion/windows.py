@@ -12,7 +12,7 @@ References
 .. [1] Carter: Coherence and time delay estimation, Proceedings of the IEEE 75(2), 1987.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -40,11 +40,12 @@ _BEGUN = 0.05  # of the information about heading lies before motion began: nois
 _GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
 
+
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
+Columns: TypeAlias = tuple[FloatArray, ...]  # of ``InMotion``, by window
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class InMotion:
+class InMotion(NamedTuple):
     """Headings of windows, each from what lies in it."""
 
     until_s: FloatArray  # (k,): ends of the windows, increasing: nothing later takes part
@@ -57,10 +58,14 @@ class InMotion:
     bias_b_radps: FloatArray  # (3,): of the gyroscope, taken out of ``rotation``
     bias_sigma_radps: float  # of what is left of it
 
-    def at(self, which: IntArray) -> "InMotion":
+    @property
+    def columns(self) -> "Columns":
+        """Fields by window."""
+        return self.until_s, self.begun_s, self.middle_s, self.R_nu, self.sigma_rad
+
+    def at(self, rows: IntArray) -> "InMotion":
         """Select windows."""
-        rows: dict[str, Any] = {name: getattr(self, name)[which] for name in _Windows._fields}
-        return replace(self, **rows)
+        return InMotion._make((*_rows(self.columns, rows), *self[len(self.columns) :]))
 
     def nearest(self, t_s: FloatArray) -> IntArray:
         """Return the windows, (n,), whose middle is nearest to times."""
@@ -129,18 +134,13 @@ def in_motion(
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _concatenate(windows)  # in order of their ends, the surest of those that end together
-    best = best.at(np.lexsort((best.sigma_rad, best.until_s)))
-    best = best.at(np.flatnonzero(np.diff(best.until_s, prepend=-np.inf) > 0))
+    best = _concatenated(windows)  # in order of their ends, the surest of those that end together
+    best = _rows(best, np.lexsort((best[-1], best[0])))
+    best = _rows(best, np.flatnonzero(np.diff(best[0], prepend=-np.inf) > 0))
     if earlier is not None:
         before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
-        best = _concatenate([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
-    return InMotion(
-        **best._asdict(),
-        rotation=rotation,
-        bias_b_radps=np.zeros(3),
-        bias_sigma_radps=imu.gyroscope_bias_radps or np.inf,
-    )
+        best = _concatenated([before.columns, best])
+    return InMotion._make((*best, rotation, np.zeros(3), imu.gyroscope_bias_radps or np.inf))
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
@@ -155,11 +155,11 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
     bias = gyroscope_bias(imu, track, gravity_n_mps2, R_nb, (middle_s - half_s, middle_s + half_s))
     if bias is None:
         return first
-    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.bias_b_radps)
+    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.biases[:3])
     again = in_motion(unbiased, track, gravity_n_mps2)
     if again is None or not np.sum(again.sigma_rad**-2) > np.sum(first.sigma_rad**-2):
         return first  # headings are no surer, all together
-    return replace(again, bias_b_radps=bias.bias_b_radps, bias_sigma_radps=bias.sigma_radps)
+    return again._replace(bias_b_radps=bias.biases[:3], bias_sigma_radps=bias.sigma_radps)
 
 
 def levelled(f_u: FloatArray) -> FloatArray:
@@ -167,32 +167,22 @@ def levelled(f_u: FloatArray) -> FloatArray:
     return _between(_unit(f_u), np.broadcast_to(_UP_U, f_u.shape))
 
 
-class _Windows(NamedTuple):
-    """Some windows, as in ``InMotion``."""
-
-    until_s: FloatArray
-    begun_s: FloatArray
-    middle_s: FloatArray
-    R_nu: FloatArray
-    sigma_rad: FloatArray
-
-    def at(self, which: IntArray) -> "_Windows":
-        return _Windows(*(column[which] for column in self))
+def _rows(windows: Columns, rows: IntArray) -> Columns:
+    return tuple(column[rows] for column in windows)
 
 
-def _concatenate(parts: list[_Windows]) -> _Windows:
-    if not parts:
-        return _Windows(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0))
-    return _Windows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+def _concatenated(parts: list[Columns]) -> Columns:
+    none = np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0)
+    return tuple(np.concatenate(columns) for columns in zip(none, *parts, strict=True))
 
 
-def _windows(pairs: Pairs, after_s: float) -> _Windows:
+def _windows(pairs: Pairs, after_s: float) -> Columns:
     """Return the windows, (k,), whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     count = np.arange(1, len(first) + 1) - first
     which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
     if not len(which):
-        return _concatenate([])
+        return _concatenated([])
     row = first[which, None] + np.arange(_MOST)
     within = row <= which[:, None]
     row = np.minimum(row, which[:, None])
@@ -204,13 +194,8 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
     begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
     k = np.arange(len(determined))
-    return _Windows(
-        pairs.until_s[which[determined]],
-        pairs.from_s[row[k, begun]],
-        t_s[k, middle],
-        R_nu[determined],
-        sigma_rad[determined],
-    )
+    until_s, begun_s = pairs.until_s[which[determined]], pairs.from_s[row[k, begun]]
+    return until_s, begun_s, t_s[k, middle], R_nu[determined], sigma_rad[determined]
 
 
 def _headings(
