@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from fgnav.integers.resolvers.resolve import resolve
 from fgnav.integers.validation import ValidatedArray, validated
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Integers, Resolver
+from fgnav.types.integers import Resolver
 
 
 def without_array(
@@ -65,17 +64,9 @@ def without_array(
     return of_vectors(track.t_s, with_velocity(pairs, track), unused)
 
 
-class ArrayPhases(NamedTuple):
-    """Phases of an array by one reference antenna, their integers, and what agrees of them."""
-
-    differences: DoubleDifferences
-    integers: Integers
-    clean: ValidatedArray
-
-
 def array_phases(
     flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
-) -> tuple[ArrayPhases | None, ...]:
+) -> tuple[ValidatedArray | None, ...]:
     """Return an array's phases by each view of ``pivot_views``; None where one has no integers.
 
     Causal: each epoch by epochs up to it.
@@ -87,7 +78,7 @@ def array_phases(
     NoSolutionError
         If the first has none.
     """
-    phases: list[ArrayPhases | None] = []
+    phases: list[ValidatedArray | None] = []
     for view in pivot_views(flight, causal=causal):
         try:
             differences, integers = resolve(view.flight, resolver, causal=causal)
@@ -97,13 +88,12 @@ def array_phases(
             phases.append(None)  # then these epochs stay without
             continue
         names = tuple(antenna.name for antenna in view.flight.antennas)
-        clean = validated(differences, integers, names, false_alarm, causal=causal)
-        phases.append(ArrayPhases(differences, integers, clean))
+        phases.append(validated(differences, integers, names, false_alarm, causal=causal))
     return tuple(phases)
 
 
 def of_arrays(
-    flight: Flight, phases: tuple[ArrayPhases | None, ...], *, causal: bool = False
+    flight: Flight, phases: tuple[ValidatedArray | None, ...], *, causal: bool = False
 ) -> Alignment:
     """Return attitudes of the array, by another reference where the first tracks nothing.
 
@@ -112,7 +102,7 @@ def of_arrays(
     Parameters
     ----------
     flight : Flight
-    phases : tuple of ArrayPhases or None
+    phases : tuple of ValidatedArray or None
         Of these observations, see ``array_phases``.
     causal : bool
 
@@ -146,26 +136,26 @@ def of_arrays(
     )
 
 
-def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment:
-    differences, integers, clean = phases
-    names, attitude = tuple(antenna.name for antenna in flight.antennas), clean.attitude
+def _of_array(flight: Flight, phases: ValidatedArray, *, causal: bool) -> Alignment:
+    differences, attitude = phases.differences, phases.attitude
+    names = tuple(antenna.name for antenna in flight.antennas)
     is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
     if is_open.any():
-        form = _with_vectors(flight, clean.form, differences.t_s, is_open, causal=causal)
+        form = _with_vectors(flight, phases.form, differences.t_s, is_open, causal=causal)
         attitude = maximum_likelihood(form)
     return Alignment(
         t_s=differences.t_s,
         R_nb=attitude.R_nb,
         covariance_rad2=attitude.covariance_rad2,
-        valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
-        form=clean.form,
-        integers=clean.integers,
-        refused=clean.refused,
-        unused=(*differences.unused, *integers.unused),
-        rejections=clean.rejections,
-        notes=(*clean.notes, *_antenna_gaps(names, differences)),
+        valid=attitude.solved & ~phases.refused & ~attitude.open_axis_b.any(axis=1),
+        form=phases.form,
+        integers=phases.integers,
+        refused=phases.refused,
+        unused=(*differences.unused, *phases.integers.unused),
+        rejections=phases.rejections,
+        notes=(*phases.notes, *_antenna_gaps(names, differences)),
         unobservable=attitude.unobservable(),
-        phases=(differences, clean.ranges_m),
+        phases=(differences, phases.ranges_m),
     )
 
 

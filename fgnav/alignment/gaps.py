@@ -48,40 +48,26 @@ def bridged(imu: Imu, *, causal: bool = False) -> Bridged:
     Causal: nothing is filled, since a line ends in a sample to come, and what is not known of
     force and rate is the size of gravity and a radian a second.
     """
-    if causal:
-        return _unfilled(imu)
-    step_s = np.diff(imu.t_s)
+    step_s, filled, f_b, w_b = np.diff(imu.t_s), imu, imu.f_b_mps2, imu.w_b_radps
     gap = np.flatnonzero(step_s > LONGEST_GAP_S)
     gaps_s = np.stack([imu.t_s[gap], imu.t_s[gap + 1]], axis=1)
-    filled = imu
-    if len(gap):
+    if len(gap) and not causal:
         regular_s = min(float(np.median(step_s)), LONGEST_GAP_S)
         inside = [np.arange(a + regular_s, b - regular_s / 2, regular_s) for a, b in gaps_s]
         t_s = np.union1d(imu.t_s, np.concatenate(inside))
-        rates = None if imu.w_b_radps is None else interpolate(t_s, imu.t_s, imu.w_b_radps)
-        filled = replace(
-            imu, t_s=t_s, f_b_mps2=interpolate(t_s, imu.t_s, imu.f_b_mps2), w_b_radps=rates
-        )
-    size = max((imu.f_b_mps2**2).sum(axis=1).mean(), _GRAVITY_MPS2**2)
-    spread = imu.f_b_mps2.var(axis=0).max() + size / 4
-    inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(spread))
-    if imu.w_b_radps is not None:
-        noise = _as_white(imu.w_b_radps.var(axis=0).max())
-        noise = max(noise, imu.gyroscope_noise_radps_per_sqrt_hz or 0.0)
+        rates = None if w_b is None else interpolate(t_s, imu.t_s, w_b)
+        filled = replace(imu, t_s=t_s, f_b_mps2=interpolate(t_s, imu.t_s, f_b), w_b_radps=rates)
+    force, rate = _GRAVITY_MPS2**2, 1.0  # variances of what is not known
+    if not causal:
+        force = f_b.var(axis=0).max() + max((f_b**2).sum(axis=1).mean(), force) / 4
+    inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(force))
+    if w_b is not None:
+        noise = _as_white(rate)
+        if not causal:
+            nominal = imu.gyroscope_noise_radps_per_sqrt_hz or 0.0
+            noise = max(_as_white(w_b.var(axis=0).max()), nominal)
         inflated = replace(inflated, gyroscope_noise_radps_per_sqrt_hz=noise)
     return Bridged(imu=filled, inflated=inflated, gaps_s=gaps_s)
-
-
-def _unfilled(imu: Imu) -> Bridged:
-    """Return a record with its gaps, and noise in them that no sample to come decides."""
-    gap = np.flatnonzero(np.diff(imu.t_s) > LONGEST_GAP_S)
-    noise = _as_white(_GRAVITY_MPS2**2)
-    inflated = replace(imu, accelerometer_noise_mps2_per_sqrt_hz=noise)
-    if imu.w_b_radps is not None:
-        inflated = replace(inflated, gyroscope_noise_radps_per_sqrt_hz=_as_white(1.0))
-    return Bridged(
-        imu=imu, inflated=inflated, gaps_s=np.stack([imu.t_s[gap], imu.t_s[gap + 1]], axis=1)
-    )
 
 
 def keyframe_times(

@@ -48,6 +48,7 @@ _ROTATIONS = 8 * pi**2  # volume of all rotations, by the body tangent in rad
 class ValidatedArray:
     """Phases of the array that agree, epoch by epoch."""
 
+    differences: DoubleDifferences
     integers: Integers  # adapted, and without the links that are excluded
     # Of the links that take part, the noise raised to what their residuals ask for.
     form: RotationQuadratic
@@ -151,6 +152,7 @@ def validated(
         believed = replace(believed, fixed=fixed, cycles=np.where(fixed, believed.cycles, 0))
     here = ~refused[:, None, None]
     return ValidatedArray(
+        differences=differences,
         integers=believed,
         form=form,
         attitude=attitude,

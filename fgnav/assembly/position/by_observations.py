@@ -10,12 +10,13 @@ from typing import NamedTuple
 
 from fgnav.alignment.array.pivot import pivot_views
 from fgnav.alignment.array.shape import FixedPhases, fixed_phases
-from fgnav.alignment.array_attitudes import ArrayPhases, array_phases
+from fgnav.alignment.array_attitudes import array_phases
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import NoSolutionError
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
 from fgnav.gnss.single_point.solution import CodeSolution, code_solution
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.integers.validation import ValidatedArray
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Antenna
 from fgnav.types.integers import Resolver
@@ -46,7 +47,7 @@ class ByObservations:
     causal: bool
 
     @cached_property
-    def array(self) -> tuple[ArrayPhases | None, ...]:
+    def array(self) -> tuple[ValidatedArray | None, ...]:
         """Phases of the array, see ``array_phases``."""
         return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
 

@@ -135,13 +135,19 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
     Two angles for one column, three for more: the log volume of a Gaussian around M, without the
     powers of 2 pi that all candidates share.
     """
-    J = tangent(M)
-    H = normal_matrix(J, information)
+    H = normal_matrix(tangent(M), information)
+    return half_log_determinant(H, np.zeros(len(H)))
+
+
+@kernel
+def half_log_determinant(H: FloatArray, least: FloatArray) -> float:
+    """Return minus half the log determinant of a matrix, spoilt, with pivots of a least size."""
     logarithm = 0.0
     for i in range(len(H)):
-        logarithm += np.log(H[i, i])
+        pivot = max(H[i, i], least[i])
+        logarithm += np.log(pivot)
         for j in range(i + 1, len(H)):
-            factor = H[i, j] / H[i, i]
+            factor = H[i, j] / pivot
             for c in range(j, len(H)):
                 H[j, c] -= factor * H[i, c]
     return -0.5 * logarithm
