@@ -25,7 +25,7 @@ from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.prepared import Earlier, PreparedFlight
 from fgnav.assembly.sensors.gnss import array_sensors, positions, velocities
 from fgnav.assembly.sensors.instruments import Instruments, instruments
-from fgnav.assembly.sensors.rest import Rest, moving_antenna, resting_motion
+from fgnav.assembly.sensors.rest import moving_antenna, resting_motion
 from fgnav.assembly.sensors.standstill import standing
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.assembly.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
@@ -74,10 +74,9 @@ def build_problem(
     stage = aligned(flight, settings, requested, last.of(flight, settings), before)
     track = tracked(flight, stage)
     stands = standing(stage.record, track.t_s, track.antenna, causal=stage.causal)
-    rest = Rest.of(stands, track.t_s, causal=stage.causal)
     v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
     others = instruments(flight, stage, track, v_n_mps, stands)
-    antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
+    antenna = moving_antenna(track.antenna, track.t_s, stands, settings.at_rest)
     track = track._replace(antenna=antenna)
     requested = (*requested, *timestamp_offset(settings.calibration, flight))
     constants = _constants(requested, stage, others, flight.photodetector)
@@ -85,7 +84,7 @@ def build_problem(
     is_looked_for = not (stage.causal or is_shape_estimated(requested))
     multipath, multipath_notes = lasting_error(stage.start) if is_looked_for else (None, ())
     motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
-    motion = resting_motion(motion, stage.record.imu, rest, settings.at_rest)
+    motion = resting_motion(motion, stage.record.imu, stands, settings.at_rest)
     timed = timed_motion(
         stage.record.imu,
         track.t_s,
@@ -131,7 +130,7 @@ def build_problem(
         timed=timed,
         rough=stage.start.rough,
         causal=stage.causal,
-        rest=rest,
+        rest=stands,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
     )

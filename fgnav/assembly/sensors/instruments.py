@@ -86,7 +86,7 @@ def _each(
     yield Instrument(*airflow(flight.vehicle, t_s, v_n_mps))
     if flight.standstill:
         yield Instrument(Standstill(row=stands.row, sigma_mps=stands.sigma_mps))
-    yield Instrument(resting_rates(flight.vehicle, imu, t_s, stands, earth, causal=causal))
+    yield Instrument(resting_rates(flight.vehicle, imu, stands, earth))
 
 
 def gravity_sensor(down: Directions, gravity_n_mps2: FloatArray) -> Gravity:

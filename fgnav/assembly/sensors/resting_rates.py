@@ -19,27 +19,24 @@ _FEWEST = 5  # differences, by which a sigma is known to a third
 def resting_rates(
     vehicle: WheeledVehicle | FinnedVehicle | None,
     imu: Imu,
-    t_s: FloatArray,
     stands: Standing,
     earth_rate_n_radps: FloatArray,
-    *,
-    causal: bool = False,
 ) -> RestingRate | None:
-    """Return the rates at rest of keyframes, (n,); None without wheels, gyroscope or rest.
+    """Return the rates at rest; None without wheels, gyroscope or rest.
 
     Causal: sigmas are by the seconds up to each.
     """
     w_b_radps, row = imu.w_b_radps, stands.row
     if not isinstance(vehicle, WheeledVehicle) or w_b_radps is None or not len(row):
         return None
-    until_s = t_s[row]
+    until_s = stands.until_s
     total = np.vstack([np.zeros(3), w_b_radps.cumsum(axis=0)])
     first = np.searchsorted(imu.t_s, until_s - WINDOW_S, side="right")
     last = np.searchsorted(imu.t_s, until_s, side="right")
     mean = (total[last] - total[first]) / (last - first)[:, None]
     follows = np.append(False, np.diff(until_s) < 1.5 * WINDOW_S)
     half = np.where(follows[:, None], np.diff(mean, axis=0, prepend=mean[:1]) ** 2 / 2, 0.0)
-    until = np.arange(len(row)) if causal else np.full(len(row), len(row) - 1)
+    until = np.arange(len(row)) if stands.causal else np.full(len(row), len(row) - 1)
     number = follows.cumsum()[until]
     variance = half.cumsum(axis=0)[until] / np.maximum(number, 1)[:, None]
     good = (number >= _FEWEST) & (variance > 0).all(axis=1)

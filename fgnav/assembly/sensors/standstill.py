@@ -48,6 +48,33 @@ class Standing(NamedTuple):
 
     row: IntArray
     sigma_mps: FloatArray
+    until_s: FloatArray  # their times
+    causal: bool = False  # whether a second is at rest only once it is over
+
+    def contains(self, t_s: FloatArray) -> BoolArray:
+        """Select the times, (n,), at standstill; causal: the last of each second."""
+        if not len(self.until_s):
+            return np.zeros(len(t_s), dtype=np.bool_)
+        after = np.searchsorted(self.until_s, t_s - _SAME_S)
+        until_s = np.append(self.until_s, np.inf)[after]
+        back_s = _SAME_S if self.causal else WINDOW_S - _SAME_S
+        return np.asarray(t_s > until_s - back_s)
+
+    def share(self, t_s: FloatArray) -> FloatArray:
+        """Return the share of each interval between times, (n - 1,), that is at rest.
+
+        Causal: of what is over with the interval.
+        """
+        if not len(self.until_s):
+            return np.zeros(len(t_s) - 1)
+        from_s = np.maximum(self.until_s - WINDOW_S, np.append(-np.inf, self.until_s[:-1]))
+        total_s = np.append(0.0, np.cumsum(self.until_s - from_s))
+        knots_s = np.column_stack([from_s, self.until_s]).ravel()
+        rested_s = np.interp(t_s, knots_s, np.column_stack([total_s[:-1], total_s[1:]]).ravel())
+        until_s = rested_s[1:]
+        if self.causal:
+            until_s = total_s[np.searchsorted(self.until_s, t_s[1:] + _SAME_S)]
+        return np.asarray((until_s - rested_s[:-1]).clip(0) / np.diff(t_s))
 
 
 class _Measured(NamedTuple):
@@ -69,7 +96,7 @@ def standing(
     second = np.floor((t_s - t_s[0]) / WINDOW_S).astype(np.int64)
     row = np.flatnonzero(np.diff(second, prepend=0) > 0)
     if not len(row):
-        return Standing(row, np.zeros(0))
+        return Standing(row, np.zeros(0), np.zeros(0), causal)
     variance, step, count = _moments(record, t_s[row])
     measured = _measured(antenna, t_s, row)
     with_gnss = measured.number > 0
@@ -86,7 +113,7 @@ def standing(
     in_motion_mps = _sigma_mps(measured, quiet & contradicted, causal=causal)
     sigma_mps = np.where(with_gnss, sigma_mps, np.fmax(sigma_mps, in_motion_mps))
     stands = quiet & ~contradicted & (told | ~with_gnss) & np.isfinite(sigma_mps)
-    return Standing(row[stands], sigma_mps[stands])
+    return Standing(row[stands], sigma_mps[stands], t_s[row[stands]], causal)
 
 
 def _is_told(measured: _Measured, contradicted: BoolArray, *, causal: bool) -> BoolArray:
