@@ -75,14 +75,14 @@ class CalibrationRequest:
         """
         kind = _KINDS[self.kind]
         names = [f"antenna {name}" for name in antennas] or [kind.name]
-        found = tuple(flight_constant(name, kind.axes, kind.unit, self.sigma) for name in names)
+        constants = tuple(flight_constant(name, kind.axes, kind.unit, self.sigma) for name in names)
         if self.kind == "velocity-delay":
-            return (replace(found[0], start=np.array([self.start])),)
+            return (replace(constants[0], start=np.array([self.start])),)
         if self.kind != "clock":
-            return found
+            return constants
         # As little is known of the rate of a clock that has proved off as that is large.
         rate_ppm = max(_CLOCK_RATE_PPM, abs(self.moved[1]))
-        both = (*found, flight_constant(CLOCK_RATE, ("rate",), "ppm", rate_ppm))
+        both = (*constants, flight_constant(CLOCK_RATE, ("rate",), "ppm", rate_ppm))
         return tuple(
             replace(part, stated=np.array([-moved]))
             for part, moved in zip(both, self.moved, strict=True)
@@ -113,13 +113,13 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
         name, equals, sigma = word.partition("=")
         kind, of_one, antenna = name.partition(":")
         kind = "antenna" if kind == "antennas" and not of_one else kind
-        known = _KINDS.get(kind)
-        if known is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
+        entry = _KINDS.get(kind)
+        if entry is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
             raise BadInputError(f"calibrate: {quoted(word)} is none of {', '.join(NAMES)}")
         if kind == name == "antenna":
             raise BadInputError("calibrate: 'antenna' must name one, antenna:a4, or be antennas")
-        value = _sigma(name, sigma) if equals else known.sigma
-        value = float(np.radians(value)) if known.unit == "rad" else value
+        value = _sigma(name, sigma) if equals else entry.sigma
+        value = float(np.radians(value)) if entry.unit == "rad" else value
         requests.append(CalibrationRequest(kind=kind, antenna=antenna or None, sigma=value))
     named = [(request.kind, request.antenna) for request in requests]
     for word, of in zip(estimate, named, strict=True):

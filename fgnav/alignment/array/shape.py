@@ -13,7 +13,7 @@ import numpy as np
 
 from fgnav.alignment.alignment import Alignment
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
-from fgnav.attitude.quadratic import RotationQuadratic
+from fgnav.attitude.quadratic import RotationQuadratic, square_root
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, skew
 from fgnav.gnss.clock_free import range_information
@@ -24,7 +24,6 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver, fixed_ranges_m
 
-_NOTHING = 1e-10  # relative eigenvalue: rounding
 _ITERATIONS = 20
 _STEP_M = 1e-5
 _MISFIT = 4.0  # times the median: an epoch with wrong integers
@@ -64,12 +63,7 @@ def array_shape(
     information, vector = baseline_information(differences, ranges_m)
     row = np.flatnonzero((epoch >= 0) & start.valid)
     row = row[information[epoch[row]].any(axis=(1, 2))]
-    information, vector = information[epoch[row]], vector[epoch[row]]
-    values, vectors = np.linalg.eigh(information)
-    observable = values > _NOTHING * values[:, -1:].clip(1e-30)
-    root = np.sqrt(np.where(observable, values, 0.0))[:, :, None] * vectors.swapaxes(1, 2)
-    inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
-    minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, vector)
+    root, minimum = square_root(information[epoch[row]], vector[epoch[row]])
     nominal_b_m = differences.baselines_b_m.copy()
     of_rotation = root @ np.einsum("ia,bc->bica", np.eye(3), nominal_b_m).reshape(-1, 9)
     raised = np.einsum("nii->n", start.form.information[row]) / (of_rotation**2).sum(axis=(1, 2))

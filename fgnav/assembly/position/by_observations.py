@@ -84,11 +84,11 @@ class ByObservations:
         return (
             ours == theirs
             and all(getattr(self.flight, name) is getattr(other.flight, name) for name in _OWN)
-            and _places(self.flight) == _places(other.flight)
+            and _positions(self.flight) == _positions(other.flight)
         )
 
 
-def _places(flight: Flight) -> list[tuple[str, list[float]]]:
+def _positions(flight: Flight) -> list[tuple[str, list[float]]]:
     """Return names and positions of antennas, which may be replaced by others at the same place."""
     return [(antenna.name, antenna.position_b_m.tolist()) for antenna in flight.antennas]
 

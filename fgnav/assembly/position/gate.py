@@ -74,10 +74,10 @@ def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
         position, velocity = positions.get(name), velocities.get(name)
         v_n_mps = gained_n_mps
         if velocity is not None:
-            swing_mps = swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
+            arm_mps = swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
             sigma_mps = track_mps2 * _AROUND_S
             velocities[name], off, middle = _tested(
-                track, velocity, gained_n_mps + swing_mps, sigma_mps
+                track, velocity, gained_n_mps + arm_mps, sigma_mps
             )
             tests.append(("velocity", "m/s", name, off))
             v_n_mps = gained_n_mps + middle

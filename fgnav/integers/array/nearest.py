@@ -140,11 +140,11 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
 
 
 @kernel
-def half_log_determinant(H: FloatArray, least: FloatArray) -> float:
+def half_log_determinant(H: FloatArray, smallest: FloatArray) -> float:
     """Return minus half the log determinant of a matrix, spoilt, with pivots of a least size."""
     logarithm = 0.0
     for i in range(len(H)):
-        pivot = max(H[i, i], least[i])
+        pivot = max(H[i, i], smallest[i])
         logarithm += np.log(pivot)
         for j in range(i + 1, len(H)):
             factor = H[i, j] / pivot
