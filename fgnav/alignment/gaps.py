@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.alignment.matching import nearest
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp, log, transpose
@@ -147,12 +148,10 @@ def time_from_attitude_s(t_s: FloatArray, valid: BoolArray, *, causal: bool = Fa
     """Compute the time from each keyframe to the nearest attitude, s, (n,); causal: the last."""
     if causal:
         return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
+    if not valid.any():
+        return np.full(len(t_s), np.inf)
     valid_s = t_s[valid]
-    if len(valid_s) < 2:
-        return np.abs(t_s - (valid_s[0] if len(valid_s) else np.inf))
-    after = np.searchsorted(valid_s, t_s).clip(1, len(valid_s) - 1)
-    before_s, after_s = np.abs(t_s - valid_s[after - 1]), np.abs(valid_s[after] - t_s)
-    return np.asarray(np.minimum(before_s, after_s))
+    return np.abs(t_s - valid_s[nearest(valid_s, t_s)[0]])
 
 
 def carried(

@@ -15,7 +15,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
 from fgnav.messages import note
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Flight
 from fgnav.types.vehicle import FinnedVehicle
 
 # Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
@@ -59,7 +59,13 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
     if isinstance(flight.vehicle, FinnedVehicle):
         return replace(start, rough=False, rotation=rotation)
-    return replace(start, notes=_assumption_note(flight.imu, assumed), rotation=rotation)
+    # What is assumed is noted where no gyroscope carries attitudes from epoch to epoch: between
+    # minima of the smoother's cost a turn apart the data hardly decide; on flights of a body that
+    # swings by 20 degrees about all axes their costs were within one percent.
+    carries = flight.imu is not None and flight.imu.w_b_radps is not None
+    takes_part = assumed.valid[:, [name == "velocity" for name in assumed.sources]].any()
+    notes = (note("W202"),) if takes_part and not carries else ()
+    return replace(start, notes=notes, rotation=rotation)
 
 
 def of_vectors(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
@@ -98,17 +104,6 @@ def _turned_as(
     turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
     between = np.interp(few.t_s, few.t_s[rows], turn)
     return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
-
-
-def _assumption_note(imu: Imu | None, pairs: VectorPairs) -> tuple[str, ...]:
-    """Return a note on what is assumed, where no gyroscope carries attitudes from epoch to epoch.
-
-    Between minima of the smoother's cost a turn apart the data hardly decide: on flights of a body
-    that swings by 20 degrees about all axes, their costs were within one percent.
-    """
-    gyroscope = imu is not None and imu.w_b_radps is not None
-    assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
-    return (note("W202"),) if assumed and not gyroscope else ()
 
 
 def _by_gravity(

@@ -42,7 +42,6 @@ from fgnav.graph.types.states import States
 from fgnav.integrity.instrument_screen import without_stuck
 from fgnav.process.prediction import Turning
 from fgnav.types.flight import Flight
-from fgnav.types.instruments import Photodetector
 
 
 def build_problem(
@@ -70,37 +69,27 @@ def build_problem(
     by = last.of(flight, settings)
     if by is not None and not settings.causal:
         flight, requested = initial_shape(flight, requested, lambda: by.fixed)
-    before = None if earlier is None else earlier.motion
-    stage = aligned(flight, settings, requested, last.of(flight, settings), before)
+    motion_before = None if earlier is None else earlier.motion
+    stage = aligned(flight, settings, requested, last.of(flight, settings), motion_before)
     track = tracked(flight, stage)
     stands = standing(stage.record, track.t_s, track.antenna, causal=stage.causal)
-    v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
-    others = instruments(flight, stage, track, v_n_mps, stands)
+    others = instruments(flight, stage, track, stands)
     antenna = moving_antenna(track.antenna, track.t_s, stands, settings.at_rest)
     track = track._replace(antenna=antenna)
     requested = (*requested, *timestamp_offset(settings.calibration, flight))
-    constants = _constants(requested, stage, others, flight.photodetector)
+    constants = _constants(flight, requested, stage, others)
     # Where antennas are off their places that looks like multipath.
     is_looked_for = not (stage.causal or is_shape_estimated(requested))
     multipath, multipath_notes = lasting_error(stage.start) if is_looked_for else (None, ())
     motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
     motion = resting_motion(motion, stage.record.imu, stands, settings.at_rest)
-    timed = timed_motion(
-        stage.record.imu,
-        track.t_s,
-        track.gravity_n_mps2,
-        stage.earth_rate_n_radps,
-        causal=stage.causal,
-        span_s=propagation_span_s(settings.calibration),
-    )
-    phases = antenna_phase(
-        track.antenna.phases,
-        track.t_s,
-        stage.start.R_nb,
-        constants,
-        causal=stage.causal,
-        earlier=None if earlier is None else earlier.arcs,
-    )
+    causal, span_s = stage.causal, propagation_span_s(settings.calibration)
+    earth = stage.earth_rate_n_radps
+    kinematics = stage.record.imu, track.t_s, track.gravity_n_mps2, earth
+    timed = timed_motion(*kinematics, causal=causal, span_s=span_s)
+    before = None if earlier is None else earlier.arcs
+    observed, R_nb = track.antenna.phases, stage.start.R_nb
+    phases = antenna_phase(observed, track.t_s, R_nb, constants, causal=causal, earlier=before)
     antennas = _antennas(flight, stage, track, requested, (multipath, timed))
     sensors = _bound((*antennas, *others.sensors), constants, timed)
     problem = Problem(
@@ -110,26 +99,26 @@ def build_problem(
         sensors=sensors,
         constants=constants,
         attitude_known=_measured_attitudes(stage),
-        attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
+        attitude_prior=attitude_prior(flight.initial, R_nb[0]),
         phase=phases.phase,
         rate_known=turning is not None,
     )
-    parts = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
+    reports = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
     notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
     return PreparedFlight(
         problem=until_motion(problem, stage, track, flight.initial),
         opening=open_heading(problem, stage, track, flight.initial),
         imu=stage.record.imu,
-        earth_rate_n_radps=stage.earth_rate_n_radps,
+        earth_rate_n_radps=earth,
         epochs=stage.epochs,
         integers=stage.start.integers,
-        unused=(*_all(parts, "unused"), *repeated),
-        rejections=_all(parts, "rejections"),
-        notes=(*_all(parts, "notes"), *notes),
-        observed=track.antenna.phases,
+        unused=(*_all(reports, "unused"), *repeated),
+        rejections=_all(reports, "rejections"),
+        notes=(*_all(reports, "notes"), *notes),
+        observed=observed,
         timed=timed,
         rough=stage.start.rough,
-        causal=stage.causal,
+        causal=causal,
         rest=stands,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
@@ -164,17 +153,13 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 
 def _constants(
-    requested: tuple[Parameter, ...],
-    stage: Aligned,
-    others: Instruments,
-    photodetector: Photodetector | None,
+    flight: Flight, requested: tuple[Parameter, ...], stage: Aligned, others: Instruments
 ) -> Parameters:
     """List the constants: calibration, instruments, phases and the mean rate."""
-    seen = photodetector if others.is_landmark_seen else None
-    parts = with_landmark(requested, None if seen is None else seen.landmark_n_m)
-    parts = (*parts, *others.constants)
-    if not stage.gyroscope:
-        parts = (*parts, mean_rate())
+    photodetector = flight.photodetector if others.is_landmark_seen else None
+    landmark_n_m = None if photodetector is None else photodetector.landmark_n_m
+    parts = (*with_landmark(requested, landmark_n_m), *others.constants)
+    parts = parts if stage.gyroscope else (*parts, mean_rate())
     return Parameters((*parts, *stage.float_arcs.constants))
 
 

@@ -108,7 +108,8 @@ class _Phases:
 
     def without(self, rows: IntArray, links: BoolArray) -> "_Phases":
         ranges_m = self.ranges_m.copy()
-        ranges_m[rows] = _without(self.all_m[rows], links)
+        lost = links[:, 1:] | links[:, :1]  # the reference antenna takes all
+        ranges_m[rows] = np.where(lost, np.nan, self.all_m[rows])
         of_rows = RotationQuadratic.of_ranges(self.differences.resampled(rows), ranges_m[rows])
         form = self.form.with_rows(rows, of_rows)
         attitude = searched_again(self.attitude, form, rows, self.attitude.R_nb[rows])
@@ -238,11 +239,6 @@ def _votes(
         log_odds = np.maximum(log_odds, np.log1p(-chance) - np.log(chance))
     votes = np.maximum(np.diff(t_s, prepend=t_s[:1]) / APART_S, log_odds / _FULL_VOTE)
     return np.where(sound, votes.clip(0.0, 1.0), 0.0)
-
-
-def _without(ranges_m: FloatArray, links: BoolArray) -> FloatArray:
-    """Return ranges without some links, (n, b + 1, m); the reference antenna takes all."""
-    return np.where(links[:, 1:] | links[:, :1], np.nan, ranges_m)
 
 
 def _filled_note(

@@ -69,11 +69,11 @@ def with_latency_and_lever_arm(
 
 def calibrated(constants: Parameters, solution: Solution) -> tuple[Calibrated, ...]:
     """Return clock, latency and lever arm by a solution, those of its constants."""
-    columns = {
-        kind: [i for name in names for i in _columns(constants, name)]
-        for kind, names in _COLUMNS.items()
-    }
-    columns = {kind: of for kind, of in columns.items() if of}
+    every_column, columns = np.arange(constants.width), dict[str, list[int]]()
+    for kind, names in _COLUMNS.items():
+        of_kind = [every_column[constants.columns(name)] for name in names]
+        if of := np.concatenate(of_kind).tolist():
+            columns[kind] = of
     every = [i for of in columns.values() for i in of]
     x, P = solution.states.constants, solution.constant_covariance[-1]
     total = _squares(x, P, every)
@@ -141,11 +141,6 @@ def _value(one: Calibrated) -> str:
     if one.kind == LATENCY:
         return f"{values[0]:.3f} ± {sigmas[0]:.3f} s"
     return ", ".join(f"{v:+.3f} ± {s:.3f}" for v, s in zip(values, sigmas, strict=True)) + " m"
-
-
-def _columns(constants: Parameters, name: str) -> range:
-    of = constants.columns(name)
-    return range(of.start, of.stop)
 
 
 def _squares(x: FloatArray, P: FloatArray, of: list[int]) -> float:

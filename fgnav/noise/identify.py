@@ -213,7 +213,13 @@ def hyperparameters(
         last = step.value, _by_secant(step.value, last)
         clock = ClockCorrection._make(np.add(clock, last[1]).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
-    return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
+    moved = tuple(
+        one._replace(value=one.value + np.array(clock), is_significant=True)
+        if one.kind == CLOCK and clock
+        else one
+        for one in result.calibrated
+    )
+    return replace(result, clock=clock, calibrated=moved), prepared
 
 
 def _by_secant(step: FloatArray, last: tuple[FloatArray, FloatArray] | None) -> FloatArray:
@@ -238,16 +244,6 @@ def _shows_noise(prepared: PreparedFlight) -> bool:
     opening = prepared.opening
     is_open = opening is not None and opening.until_s == np.inf
     return not is_open and (prepared.integers is not None or prepared.imu.w_b_radps is not None)
-
-
-def _with_total(result: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:
-    """Return constants whose clock has what timestamps were moved by, and is significant if so."""
-    return tuple(
-        one._replace(value=one.value + np.array(clock), is_significant=True)
-        if one.kind == CLOCK and clock
-        else one
-        for one in result
-    )
 
 
 def _posterior(

@@ -71,7 +71,9 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
 
     def weighted(j: int) -> ArcBlock:
         block = blocks[j]
-        return _weighted(block, weight[_kinds(block)])
+        of_row = weight[_kinds(block)]
+        before, after = of_row[:, None] * block.before, of_row[:, None] * block.after
+        return block._replace(before=before, after=after, right=of_row * block.right)
 
     rows, louder = phase.rows, factors.get(PHASE, 1.0)
 
@@ -267,11 +269,3 @@ def _kinds(block: ArcBlock) -> IntArray:
     kinds[error] = np.where(goes_on[error], 1, 0)
     kinds[rate] = np.where(goes_on[rate], len(ERRORS), 2)
     return kinds
-
-
-def _weighted(block: ArcBlock, weight: FloatArray) -> ArcBlock:
-    return block._replace(
-        before=weight[:, None] * block.before,
-        after=weight[:, None] * block.after,
-        right=weight * block.right,
-    )

@@ -33,6 +33,11 @@ class ArcNames(NamedTuple):
                 rows.append(row)
         return np.array(rows).reshape(-1, len(self.arc))
 
+    @property
+    def cycles(self) -> FloatArray:
+        """The same in cycles per metre, (d, c)."""
+        return self.differences / self.wavelength_m
+
 
 class Constraint(NamedTuple):
     """Integer combinations of ambiguities: ``cycles @ n`` is ``right``, but for a millimetre."""
@@ -62,7 +67,7 @@ class Ambiguities(NamedTuple):
     information: FloatArray = np.empty((0, 0))
     vector: FloatArray = np.empty(0)
 
-    def led(self, block: ArcBlock) -> "Ambiguities":
+    def propagated(self, block: ArcBlock) -> "Ambiguities":
         """Propagate the ambiguities to the next block."""
         B, A, right = block.before, block.after, block.right
         after, also = A.T @ A, A.T @ right

@@ -19,7 +19,7 @@ import numpy as np
 
 from fgnav.assembly.position.ambiguity_filter import Ambiguities, ArcNames, Constraint
 from fgnav.assembly.position.arc_slips import Slip, largest, slips
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.checks import BoolArray, IntArray
 from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.integers.ils.partial import partial_integer_least_squares
@@ -76,7 +76,7 @@ def with_integers(
     state, constraints = Ambiguities(), list[Constraint]()
     fixed, spans = np.zeros(len(blocks), dtype=np.bool_), dict[tuple[int, int], ArcSpan]()
     for j in range(len(blocks)):
-        state = state.led(blocks[j])
+        state = state.propagated(blocks[j])
         for i in range(ends[j], ends[j + 1]):
             H, z = rows[i].without_place()
             if jumped := slips(state, H, z, names[j]):
@@ -103,7 +103,7 @@ def _note(
     constraints: list[Constraint],
 ) -> None:
     """Note the integers that arcs of a block have, and the chance that each is wrong."""
-    D, cycles = _by_difference(names)
+    D, cycles = names.differences, names.cycles
     if not len(D) or not constraints:
         return
     floats, covariance = state.combined(cycles)
@@ -123,10 +123,10 @@ def _note(
 
 def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | None, bool]:
     """Return integers that a block newly fixes, and whether enough are fixed by then."""
-    D, cycles = _by_difference(of)
+    D, cycles = of.differences, of.cycles
     if not len(D):
         return None, False
-    is_determined = _sigma_cycles(state, cycles) < _DETERMINED_CYCLES
+    is_determined = np.diag(state.combined(cycles)[1]) < _DETERMINED_CYCLES**2
     enough = int(is_determined.sum()) >= _LEAST_FIXED - 1
     if is_determined.all():
         return None, enough
@@ -146,16 +146,6 @@ def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | No
     enough = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
     combination = np.rint(Z @ D).astype(np.int64)
     return Constraint(j, of.arc, Z @ cycles, right, combination, best.success), enough
-
-
-def _by_difference(of: ArcNames) -> tuple[FloatArray, FloatArray]:
-    """Return differences of arcs, (d, c), and the same in cycles per metre."""
-    D = of.differences
-    return D, D / of.wavelength_m
-
-
-def _sigma_cycles(state: Ambiguities, cycles: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(state.combined(cycles)[1])))
 
 
 def _entered(

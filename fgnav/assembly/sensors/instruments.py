@@ -12,7 +12,7 @@ from fgnav.assembly.sensors.resting_rates import resting_rates
 from fgnav.assembly.sensors.standstill import Standing
 from fgnav.assembly.sensors.surroundings import heights, magnetic_field
 from fgnav.assembly.sensors.wheels import wheels
-from fgnav.assembly.stages import Aligned, Tracked
+from fgnav.assembly.stages import Aligned, Tracked, moves_about
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
@@ -44,9 +44,7 @@ class Instruments(NamedTuple):
         return any(LANDMARK in sensor.parameters for sensor in self.sensors)
 
 
-def instruments(
-    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
-) -> Instruments:
+def instruments(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> Instruments:
     """Build the instruments' measurements at keyframes, (n,).
 
     Parameters
@@ -54,12 +52,10 @@ def instruments(
     flight : Flight
     stage : Aligned
     track : Tracked
-    v_n_mps : ndarray, shape (n, 3)
-        Approximate velocities.
     stands : Standing
         When the body stands still.
     """
-    every = tuple(_each(flight, stage, track, v_n_mps, stands))
+    every = tuple(_each(flight, stage, track, stands))
     return Instruments(
         tuple(one.sensor for one in every if one.sensor is not None and len(one.sensor.row)),
         tuple(constant for one in every for constant in one.constants),
@@ -67,9 +63,7 @@ def instruments(
     )
 
 
-def _each(
-    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
-) -> Iterator[Instrument]:
+def _each(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> Iterator[Instrument]:
     imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
     rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
     between, unused = baselines(flight, t_s)
@@ -83,6 +77,7 @@ def _each(
     yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
     yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
     yield Instrument(*wheels(flight.vehicle, imu, t_s, rates, earth))
+    v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
     yield Instrument(*airflow(flight.vehicle, t_s, v_n_mps))
     if flight.standstill:
         yield Instrument(Standstill(row=stands.row, sigma_mps=stands.sigma_mps))

@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.alignment.gaps import LONGEST_STEP_S
-from fgnav.alignment.matching import SAME_S
+from fgnav.alignment.matching import SAME_S, nearest
 from fgnav.checks import FloatArray, Unused, unused_of
 from fgnav.geometry.earth import Origin, geodetic
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.barometer import OFFSET, BarometricHeight
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.magnetometer import HARD_IRON, MagneticField
@@ -134,20 +135,17 @@ def _sampled(
     One for each: neighbours of one sample would share its noise.
     """
     spacing_s = float(np.median(np.diff(t_s)))
-    after = np.searchsorted(t_s, have_s).clip(1, len(t_s) - 1)
-    row = np.where(have_s - t_s[after - 1] < t_s[after] - have_s, after - 1, after)
+    row, _ = nearest(t_s, have_s)
     near = np.abs(t_s[row] - have_s) <= spacing_s / 2 + SAME_S
     valid = np.zeros(len(t_s), dtype=np.bool_)
     valid[row[near]] = True
     valid &= (t_s >= have_s[0] - SAME_S) & (t_s <= have_s[-1] + SAME_S)
     if len(have_s) > 1:
         following = np.searchsorted(have_s, t_s - SAME_S).clip(1, len(have_s) - 1)
-        before = have_s[following - 1]
-        same = np.minimum(np.abs(t_s - before), np.abs(have_s[following] - t_s)) < SAME_S
-        valid &= same | (have_s[following] - before <= _LONGEST_S)
+        is_short = have_s[following] - have_s[following - 1] <= _LONGEST_S
+        valid &= is_short | nearest(have_s, t_s)[1]
     interpolated = np.full((len(t_s), values.shape[1]), np.nan)
-    for k, column in enumerate(values.T):
-        interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
+    interpolated[valid] = interpolate(t_s[valid], have_s, values)
     unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
     return interpolated, unused_of({(what, reason): unmatched})

@@ -14,7 +14,7 @@ from scipy.special import chdtri
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.array.kernel import Found, nothing_found, search_epochs
-from fgnav.integers.ils.array_model import LinkArrays, Spans, link_arrays, spans
+from fgnav.integers.ils.array_model import Spans, link_arrays, spans
 from fgnav.types.differences import DoubleDifferences
 
 # Chance that the true integers cost more. They are then missed, whatever is found instead: of two
@@ -102,14 +102,9 @@ def searched(
     """
     epochs = link_arrays(differences)
     arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
-    degrees = _cost_degrees(epochs, arrays)
+    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
+    degrees = np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0)
     bound = np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))  # of the cost, (n,)
     result = nothing_found(epochs.phase_m.shape, held=held, written=written)
     search_epochs(epochs, arrays, bound, result, reach, nodes, listed)
     return result, arrays, degrees
-
-
-def _cost_degrees(epochs: LinkArrays, arrays: Spans) -> IntArray:
-    """Return the degrees of freedom of true integers' cost, (n,)."""
-    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
-    return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))
