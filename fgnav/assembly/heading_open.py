@@ -102,7 +102,7 @@ def _with_force_noise(problem: Problem, track: Tracked, intervals: BoolArray) ->
     motion = problem.motion
     if not isinstance(motion, Inertial) or not intervals.any():
         return problem
-    velocity = next((series for _, series in track.antenna.velocities), None)
+    velocity = next(iter(track.antenna.velocities), None)
     size_mps2 = horizontal_mps2(problem.t_s, velocity, track.antenna.position)
     more = np.where(intervals, WINDOW_S * size_mps2[1:] ** 2, 0.0)
     return replace(problem, motion=motion.with_added_noise(more, np.zeros_like(more)))

@@ -179,10 +179,9 @@ def _antennas(
         errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch
         yield from array_sensors(start.form, shape, start.valid, stretch, errors)
     if not antenna.phases:
-        yield from positions(series for _, series in antenna.positions)
+        yield from positions(antenna.positions)
     is_late = any(one.name == VELOCITY_DELAY for one in requested)
-    of_antennas = (series for _, series in antenna.velocities)
-    yield from velocities(of_antennas, rates, earth, timed.led if is_late else None)
+    yield from velocities(antenna.velocities, rates, earth, timed.led if is_late else None)
 
 
 def _bound(
@@ -226,7 +225,7 @@ def _gaps(stage: Aligned, track: Tracked, sensors: tuple[Sensor, ...]) -> tuple[
         ("velocity", antenna.velocities),
     ):
         if measured:
-            missing = ~np.any([series.valid for _, series in measured], axis=0)
+            missing = ~np.any([series.valid for series in measured], axis=0)
             notes += gap_notes(what, spans(t_s, missing))
     for kind in (BaselineVector, LineOfSight):
         rows = [sensor.row for sensor in sensors if sensor.name == kind.name]

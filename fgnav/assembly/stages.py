@@ -286,7 +286,7 @@ def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[Float
     position = track.antenna.position
     p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)
     v_n_mps = np.zeros_like(p_n_m) if stage.causal else np.gradient(p_n_m, track.t_s, axis=0)
-    for _, velocity in track.antenna.velocities[:1]:
+    for velocity in track.antenna.velocities[:1]:
         if not velocity.valid.any():
             continue
         at_antenna = _interpolated(track.t_s, velocity.value, causal=stage.causal)

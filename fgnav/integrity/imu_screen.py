@@ -26,16 +26,21 @@ def without_faulty(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
     imu, repeated = without_repeated(imu)
     x = _of_all_axes(imu)
-    stuck = stuck_samples(x) if len(x) >= _FEWEST else np.zeros(len(x), dtype=np.bool_)
-    if (np.diff(x, axis=0) == 0).all():  # all else contradicts it
-        stuck[:] = False
-    count = int(stuck.sum())
-    moving, of_axes = without_stuck_axes(imu[~stuck] if count else imu)
-    mended, of_spikes = without_spikes(moving)
-    unused = (*of_axes, *of_spikes)
-    if count:
-        unused = (Unused(what="inertial sample", reason=STUCK, count=count), *unused)
-    return mended, (*repeated, *unused)
+    is_constant = (np.diff(x, axis=0) == 0).all()  # all else contradicts it
+    is_tested = len(x) >= _FEWEST and not is_constant
+    stuck = stuck_samples(x) if is_tested else np.zeros(len(x), dtype=np.bool_)
+    moving, of_unit = _without(imu, stuck, STUCK)
+    moving, of_axes = without_stuck_axes(moving)
+    corrected, of_spikes = without_spikes(moving)
+    return corrected, (*repeated, *of_unit, *of_axes, *of_spikes)
+
+
+def _without(imu: Imu, faulty: BoolArray, reason: str) -> tuple[Imu, tuple[Unused, ...]]:
+    """Return a record without some samples, (k,), and their number."""
+    count = int(faulty.sum())
+    if not count:
+        return imu, ()
+    return imu[~faulty], (Unused(what="inertial sample", reason=reason, count=count),)
 
 
 def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Unused, ...]]:
@@ -65,7 +70,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """
     if len(imu.t_s) < _FEWEST:
         return imu, ()
-    stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), []
+    stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), list[Unused]()
     for name, field, _ in SENSORS:
         x = getattr(imu, field)
         for axis in range(0 if x is None else 3):
@@ -74,25 +79,14 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
             while run is not None:
                 in_run |= x[:, axis] == x[run[0], axis]
                 run = stuck_axis(x, axis, in_run)
-            if in_run.any():
-                reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not"
-                unused.append(
-                    Unused(
-                        what="inertial sample",
-                        reason=f"{reason}: left out",
-                        count=int(in_run.sum()),
-                    )
-                )
+            reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not: left out"
+            unused += _without(imu, in_run, reason)[1]
             stuck |= in_run
-    return (imu[~stuck], tuple(unused)) if unused and _goes_on(imu.t_s, ~stuck) else (imu, ())
-
-
-def _goes_on(t_s: FloatArray, is_left: BoolArray) -> bool:
-    """Return True if enough is left: in length, or of most seconds one sample."""
-    left_s, duration_s = t_s[is_left], float(np.ptp(t_s))
-    if len(left_s) >= _FEWEST:
-        return True
-    return len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
+    left_s, duration_s = imu.t_s[~stuck], float(np.ptp(imu.t_s))
+    is_enough = len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
+    if unused and (len(left_s) >= _FEWEST or is_enough):
+        return imu[~stuck], tuple(unused)
+    return imu, ()
 
 
 def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] | None:
@@ -186,10 +180,8 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     run = k - np.maximum.accumulate(np.where(same, 0, k))  # equal ones in a row, up to each
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
     stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
-    if not stuck.any():
-        return imu, unused
-    stuck_loss = Unused(what="inertial sample", reason=STUCK, count=int(stuck.sum()))
-    return imu[~stuck], (*unused, stuck_loss)
+    moving, of_unit = _without(imu, stuck, STUCK)
+    return moving, (*unused, *of_unit)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:

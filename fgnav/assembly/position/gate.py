@@ -67,8 +67,9 @@ def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
     gained_n_mps = _inertial(track)
     gravity_mps2 = np.linalg.norm(track.gravity_n_mps2, axis=1)
     track_mps2 = np.hypot(_TRACK_MPS2, gravity_mps2 * track.attitude_sigma_rad)
-    positions = {} if antenna.phases else dict(antenna.positions)
-    velocities = dict(antenna.velocities)
+    gated = () if antenna.phases else antenna.positions
+    positions = {series.antenna: series for series in gated}
+    velocities = {series.antenna: series for series in antenna.velocities}
     tests: list[tuple[str, str, str, FloatArray]] = []
     for name in dict.fromkeys((*positions, *velocities)):
         position, velocity = positions.get(name), velocities.get(name)
@@ -88,9 +89,9 @@ def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
             sigma_m = track_mps2 * _AROUND_S**2 / 2
             positions[name], off, _ = _tested(track, position, moved_n_m, sigma_m)
             tests.append(("position", "m", name, off))
-    placed = antenna.positions if antenna.phases else tuple(positions.items())
+    placed = antenna.positions if antenna.phases else tuple(positions.values())
     return Gated(
-        replace(antenna, positions=placed, velocities=tuple(velocities.items())),
+        replace(antenna, positions=placed, velocities=tuple(velocities.values())),
         tuple(one for test in tests for one in _listed(t_s, *test)),
         tuple(
             Unused(what=what, reason="off its neighbours", count=int((off > 0).sum()))

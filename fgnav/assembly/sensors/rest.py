@@ -30,8 +30,8 @@ def moving_antenna(
 
     return replace(
         antenna,
-        positions=tuple((name, scaled(one, "position")) for name, one in antenna.positions),
-        velocities=tuple((name, scaled(one, "velocity")) for name, one in antenna.velocities),
+        positions=tuple(scaled(series, "position") for series in antenna.positions),
+        velocities=tuple(scaled(series, "velocity") for series in antenna.velocities),
     )
 
 

@@ -186,7 +186,7 @@ def _velocities(
 
     Velocities known in some directions only are left out.
     """
-    velocity = next((one for _, one in antenna.velocities if one.valid.any()), None)
+    velocity = next((one for one in antenna.velocities if one.valid.any()), None)
     if velocity is not None:
         complete = velocity.valid
         if velocity.partial is not None:

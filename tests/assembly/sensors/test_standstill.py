@@ -115,7 +115,7 @@ def test_nothing_looks_ahead():
 def test_velocities_known_in_some_directions_are_left_out():
     flight = stops(1)
     record, motion = bridged(without_faulty(flight.imu)[0]), measured(flight, T_S)
-    name, speed = motion.velocities[0]
+    (speed,) = motion.velocities
     some = speed.valid & (np.abs(T_S - np.mean(LOST_S)) < np.ptp(LOST_S) / 2)
     value, covariance = speed.value.copy(), speed.covariance.copy()
     value[some], covariance[some] = np.nan, 0.0
@@ -124,7 +124,7 @@ def test_velocities_known_in_some_directions_are_left_out():
     root[some, 0] = 1 / SIGMA_MPS
     partial = replace(none, value=value, partial=root)
     found, expected = (
-        standing(record, T_S, replace(motion, velocities=((name, one),))) for one in (partial, none)
+        standing(record, T_S, replace(motion, velocities=(one,))) for one in (partial, none)
     )
     assert len(expected.row) > 20
     np.testing.assert_array_equal(found.row, expected.row)
