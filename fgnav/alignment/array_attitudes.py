@@ -8,13 +8,13 @@ import numpy as np
 from fgnav.alignment.alignment import Alignment
 from fgnav.alignment.array.pivot import View, pivot_notes, pivot_unused, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
-from fgnav.alignment.in_motion.attitudes import carried_attitudes
+from fgnav.alignment.in_motion.attitudes import gyroscope_alignment
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.alignment.matching import nearest
 from fgnav.alignment.vector_alignment import (
     VECTOR_SIGMA_RAD,
-    of_vectors,
     vector_attitudes,
+    wahba_alignment,
 )
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
@@ -28,7 +28,7 @@ from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
 
 
-def without_array(
+def alignment_without_array(
     flight: Flight,
     gravity: GravityDirection | None = None,
     *,
@@ -54,14 +54,14 @@ def without_array(
     """
     imu, sees = flight.imu, flight.photodetector is not None
     if imu is not None and imu.w_b_radps is not None and not (causal and sees):
-        carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
+        carried = gyroscope_alignment(flight, imu, causal=causal, earlier=earlier)
         if carried.valid.any() or not sees:
             return carried
     if not causal:
         return vector_attitudes(flight, gravity)
     track = track_of(flight, causal=True)
     pairs, unused = measured_vectors(flight, track, causal=True)
-    return of_vectors(track.t_s, with_velocity(pairs, track), unused)
+    return wahba_alignment(track.t_s, with_velocity(pairs, track), unused)
 
 
 def array_phases(
@@ -92,7 +92,7 @@ def array_phases(
     return tuple(phases)
 
 
-def of_arrays(
+def array_alignment(
     flight: Flight, phases: tuple[ValidatedArray | None, ...], *, causal: bool = False
 ) -> Alignment:
     """Return attitudes of the array, by another reference where the first tracks nothing.

@@ -154,7 +154,7 @@ def time_from_attitude_s(t_s: FloatArray, valid: BoolArray, *, causal: bool = Fa
     return np.abs(t_s - valid_s[nearest(valid_s, t_s)[0]])
 
 
-def carried(
+def rotation_cubic(
     first: FloatArray,
     last: FloatArray,
     first_radps: FloatArray,

@@ -52,7 +52,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         if few is not None and _dense(few):
             return replace(few, unused=unused, rotation=rotation)
     assumed = with_velocity(pairs, track)
-    start = of_vectors(track.t_s, assumed, unused)
+    start = wahba_alignment(track.t_s, assumed, unused)
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
@@ -68,7 +68,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
     return replace(start, notes=notes, rotation=rotation)
 
 
-def of_vectors(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
+def wahba_alignment(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
     """Return attitudes of epochs, (n,), from their vector pairs, of a nominal covariance."""
     attitude = wahba(pairs.directions())
     determined = attitude.rank == 2

@@ -17,7 +17,7 @@ from fgnav.alignment.in_motion.windows import WINDOW_S
 from fgnav.alignment.initial import attitude_prior
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.position.series import VectorSeries
-from fgnav.assembly.stages import Aligned, Tracked, moves_about
+from fgnav.assembly.stages import Aligned, Tracked, approximate_motion
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
@@ -63,7 +63,7 @@ def open_heading(
     position = track.antenna.position
     if position is None:
         return None
-    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
+    p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     # They speak of the heading, which here is arbitrary.
     parts = tuple(part for part in problem.sensors if part.name != WHEELS)
     phase = _phase_before_heading(problem, stage, track)

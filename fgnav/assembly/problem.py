@@ -28,7 +28,14 @@ from fgnav.assembly.sensors.instruments import Instruments, instruments
 from fgnav.assembly.sensors.rest import moving_antenna, resting_motion
 from fgnav.assembly.sensors.standstill import standing
 from fgnav.assembly.settings import ProblemSettings
-from fgnav.assembly.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
+from fgnav.assembly.stages import (
+    Aligned,
+    Tracked,
+    aligned,
+    approximate_motion,
+    inertial_record,
+    tracked,
+)
 from fgnav.checks import BoolArray, Unused
 from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.baseline import BaselineVector
@@ -39,7 +46,7 @@ from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
-from fgnav.integrity.instrument_screen import without_stuck
+from fgnav.integrity.instrument_screen import screen_instruments
 from fgnav.process.prediction import Turning
 from fgnav.types.flight import Flight
 
@@ -64,7 +71,7 @@ def build_problem(
     inertial_record(flight.imu)
     repeated: tuple[Unused, ...] = ()
     if not settings.causal:
-        flight, repeated = without_stuck(flight)
+        flight, repeated = screen_instruments(flight)
     last = last or LastObservations()
     by = last.of(flight, settings)
     if by is not None and not settings.causal:
@@ -203,7 +210,7 @@ def _start(
 ) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
-    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
+    p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
     if turning is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from fgnav.alignment.alignment import Alignment, at_keyframes
 from fgnav.alignment.array.float_arcs import FloatArcs, with_float_arcs
 from fgnav.alignment.array.shape import is_shape_estimated
-from fgnav.alignment.array_attitudes import of_arrays, without_array
+from fgnav.alignment.array_attitudes import alignment_without_array, array_alignment
 from fgnav.alignment.filling import interpolated_attitudes, zero_order_hold
 from fgnav.alignment.gaps import (
     LONGEST_GAP_S,
@@ -34,7 +34,7 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.parameters import Parameter
 from fgnav.gravity import GravityDirection, causal_gravity
-from fgnav.integrity.imu_screen import without_faulty, without_stuck_so_far
+from fgnav.integrity.imu_screen import screen_imu, screen_imu_causally
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 
@@ -120,15 +120,15 @@ def aligned(
         If there are fewer than two attitudes, or, causal, none.
     """
     causal = settings.causal
-    screened = without_stuck_so_far if causal else without_faulty
+    screened = screen_imu_causally if causal else screen_imu
     imu, faulty = screened(inertial_record(flight.imu))
     record, down = bridged(imu, causal=causal), None
     if settings.gravity is not None:
         down = (causal_gravity(settings.gravity) if causal else settings.gravity)(flight)
     if by is not None and len(flight.antennas) > 1:
-        epochs = of_arrays(flight, by.array, causal=causal)
+        epochs = array_alignment(flight, by.array, causal=causal)
     else:
-        epochs = without_array(flight, down, causal=causal, earlier=earlier)
+        epochs = alignment_without_array(flight, down, causal=causal, earlier=earlier)
     start, count, unused = chosen_keyframes(
         flight, record.imu, epochs, causal=causal, earlier=earlier
     )
@@ -281,7 +281,9 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     return Tracked(t_s, places_n_m, gravity_n_mps2, *gated(inertial, antenna))
 
 
-def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+def approximate_motion(
+    stage: Aligned, track: Tracked, R_nb: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return places and velocities of the accelerometer, (n, 3) each, if its attitudes are R_nb."""
     position = track.antenna.position
     p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)

@@ -22,7 +22,7 @@ _FALSE_ALARM = 1e-4  # of each test on a right record
 STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
 
-def without_faulty(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
+def screen_imu(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
     imu, repeated = without_repeated(imu)
     x = _of_all_axes(imu)
@@ -171,7 +171,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
     return length > 1 and n * share**length < _FALSE_ALARM
 
 
-def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
+def screen_imu_causally(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
     imu, unused = without_repeated(imu, causal=True)
     x = _of_all_axes(imu)

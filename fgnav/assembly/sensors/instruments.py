@@ -12,7 +12,7 @@ from fgnav.assembly.sensors.resting_rates import resting_rates
 from fgnav.assembly.sensors.standstill import Standing
 from fgnav.assembly.sensors.surroundings import heights, magnetic_field
 from fgnav.assembly.sensors.wheels import wheels
-from fgnav.assembly.stages import Aligned, Tracked, moves_about
+from fgnav.assembly.stages import Aligned, Tracked, approximate_motion
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
@@ -77,7 +77,7 @@ def _each(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> I
     yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
     yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
     yield Instrument(*wheels(flight.vehicle, imu, t_s, rates, earth))
-    v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
+    v_n_mps = approximate_motion(stage, track, stage.start.R_nb)[1]
     yield Instrument(*airflow(flight.vehicle, t_s, v_n_mps))
     if flight.standstill:
         yield Instrument(Standstill(row=stands.row, sigma_mps=stands.sigma_mps))
