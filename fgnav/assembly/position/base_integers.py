@@ -17,8 +17,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.position.ambiguity_filter import Ambiguities, ArcNames, Constraint
-from fgnav.assembly.position.arc_slips import Slip, largest, slips
+from fgnav.assembly.position.ambiguity_filter import (
+    Ambiguities,
+    ArcNames,
+    Constraint,
+    Slip,
+    largest,
+    slips,
+)
 from fgnav.assembly.position.live_arcs import LiveRows
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.factors.antenna_phase import ArcBlock
