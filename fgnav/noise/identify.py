@@ -89,7 +89,12 @@ class Hyperparameters:
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight with this noise and these times."""
         prepared = build(self.applied(flight), self.settings(settings))
-        return with_satellite_errors(prepared, self.satellites)
+
+        def rescaled(problem: Problem) -> Problem:
+            phase = problem.phase and with_errors(problem.phase, self.satellites)
+            return replace(problem, phase=phase)
+
+        return prepared.changed(rescaled) if self.satellites else prepared
 
     def _requests(self, settings: ProblemSettings) -> tuple[CalibrationRequest, ...]:
         requested = [one.kind for one in settings.calibration]
@@ -136,18 +141,6 @@ def with_exact_timestamps(flight: Flight) -> Flight:
     if imu is None or not imu.clock_offset_sigma_s:
         return flight
     return replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0))
-
-
-def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
-    """Return a problem whose errors of satellites are so many times as large."""
-    if not factors:
-        return prepared
-
-    def changed(one: Problem) -> Problem:
-        phase = one.phase
-        return one if phase is None else replace(one, phase=with_errors(phase, factors))
-
-    return prepared.changed(changed)
 
 
 def hyperparameters(

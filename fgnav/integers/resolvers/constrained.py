@@ -143,19 +143,16 @@ class Constrained:
         if self.tail is not None:
             refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
         if self.wrong_max is not None:
-            reason, sure = self._sure(searched.wrong_probability, accepted, self.wrong_max)
+            wrong, sound = searched.wrong_probability, accepted.copy()
+            reason = f"integers too doubtful for a share of {self.wrong_max:g} wrong"
+            if self.causal:
+                reason, sure = f"{reason} so far", np.zeros(len(wrong), dtype=np.bool_)
+                sure[sound] = share_so_far(wrong[sound], self.wrong_max)
+            else:
+                sure = wrong <= -share_threshold(-wrong[sound], wrong[sound], self.wrong_max)
             refused[reason] = accepted & ~sure
             accepted = accepted & sure
         return accepted, refused
-
-    def _sure(self, wrong: FloatArray, sound: BoolArray, wrong_max: float) -> tuple[str, BoolArray]:
-        """Return why epochs are refused, and which, (n,), are sure enough."""
-        reason = f"integers too doubtful for a share of {wrong_max:g} wrong"
-        if self.causal:
-            sure = np.zeros(len(wrong), dtype=np.bool_)
-            sure[sound] = share_so_far(wrong[sound], wrong_max)
-            return f"{reason} so far", sure
-        return reason, wrong <= -share_threshold(-wrong[sound], wrong[sound], wrong_max)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
