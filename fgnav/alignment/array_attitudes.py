@@ -54,9 +54,9 @@ def alignment_without_array(
     """
     imu, sees = flight.imu, flight.photodetector is not None
     if imu is not None and imu.w_b_radps is not None and not (causal and sees):
-        carried = gyroscope_alignment(flight, imu, causal=causal, earlier=earlier)
-        if carried.valid.any() or not sees:
-            return carried
+        by_gyroscope = gyroscope_alignment(flight, imu, causal=causal, earlier=earlier)
+        if by_gyroscope.valid.any() or not sees:
+            return by_gyroscope
     if not causal:
         return vector_attitudes(flight, gravity)
     track = track_of(flight, causal=True)

@@ -17,7 +17,7 @@ LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and no
 # Between keyframes. With GNSS once a second and a sine of 20 degrees, twice as much puts the
 # accelerometer's bias off by 1.5 sigma.
 LONGEST_STEP_S = 0.1
-_LATE = 0.5  # steps: a tag that is late is no gap
+_TOLERANCE = 0.5  # steps: a tag that is late is no gap
 _LONGEST_TURN_RAD = 0.7  # between keyframes: docs/theory/gyro_free_motion.md, commutator
 _SEVERAL = 2.5  # usual intervals without a measurement are worth a sentence
 _CORRELATION_S = 2.0  # of what a body does while nobody measures it
@@ -108,7 +108,7 @@ def keyframe_times(
         rate = before if causal else np.maximum(before, after)
         step_s = usual_s / np.ceil(usual_s * rate / _LONGEST_TURN_RAD).clip(1)
     room_s = np.append(span_s, max(until_s - epochs_s[-1], 0.0))
-    parts = np.ceil(room_s / step_s - _LATE).astype(np.int64).clip(1)
+    parts = np.ceil(room_s / step_s - _TOLERANCE).astype(np.int64).clip(1)
     parts[-1] = int(room_s[-1] / step_s[-1] + 1e-6) + 1 if causal else 1
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     return np.asarray(np.repeat(epochs_s, parts) + within * np.repeat(step_s, parts))
@@ -176,7 +176,7 @@ def rotation_cubic(
         Time between them, and the share of it that has passed.
     """
     mean = (first_radps + last_radps) / 2
-    rest = log(transpose(first @ exp(span_s * mean)) @ last)
+    residual = log(transpose(first @ exp(span_s * mean)) @ last)
     bend = span_s * share * (1 - share) * (first_radps - last_radps) / 2
-    turned = share**2 * (3 - 2 * share) * rest + bend
-    return np.asarray(first @ exp(span_s * share * mean) @ exp(turned))
+    rotation = share**2 * (3 - 2 * share) * residual + bend
+    return np.asarray(first @ exp(span_s * share * mean) @ exp(rotation))

@@ -23,8 +23,8 @@ from fgnav.types.vehicle import FinnedVehicle
 VECTOR_SIGMA_RAD = 0.1
 # Of the specific force by velocities: 0.2 to 0.35 m/s2 of 15.
 _FORCE_SIGMA_RAD = 0.02
-_APART = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
-_FEWEST = 5  # attitudes for a rate
+_MIN_SINE = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
+_MINIMUM = 5  # attitudes for a rate
 # And how close: of six turns with gravity every 5.8 s, three ended at a wrong minimum when
 # these attitudes alone started the search, none when all epochs assumed velocity.
 _NEAR_S = 0.5
@@ -56,7 +56,7 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
-        start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
+        start = replace(start, R_nb=_rotated_as(start.R_nb, determined, np.nan_to_num(f_n), few))
     if isinstance(flight.vehicle, FinnedVehicle):
         return replace(start, rough=False, rotation=rotation)
     # What is assumed is noted where no gyroscope carries attitudes from epoch to epoch: between
@@ -87,10 +87,10 @@ def _dense(attitudes: Alignment) -> bool:
     """Return True if most epochs are close to one with an attitude."""
     valid = attitudes.valid
     away_s = time_from_attitude_s(attitudes.t_s, valid)
-    return bool(valid.sum() >= _FEWEST and (away_s > _NEAR_S).mean() <= 0.5)
+    return bool(valid.sum() >= _MINIMUM and (away_s > _NEAR_S).mean() <= 0.5)
 
 
-def _turned_as(
+def _rotated_as(
     R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: Alignment
 ) -> FloatArray:
     """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
@@ -100,8 +100,8 @@ def _turned_as(
     rows = np.flatnonzero(determined & few.valid)
     if not len(rows):
         return R_nb
-    apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
-    turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
+    rotation = log(few.R_nb[rows] @ transpose(R_nb[rows]))
+    turn = np.unwrap(np.einsum("ni,ni->n", rotation, f_n[rows]))
     between = np.interp(few.t_s, few.t_s[rows], turn)
     return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
@@ -122,7 +122,7 @@ def _by_gravity(
         sources=("specific force", "gravity"),
     ).directions()
     across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
-    valid = at_epoch & both.valid.all(axis=1) & (across > _APART)
+    valid = at_epoch & both.valid.all(axis=1) & (across > _MIN_SINE)
     if not valid.any():
         return None
     variance = np.stack(

@@ -47,7 +47,7 @@ class PreparedFlight:
     implausible: Mapping[str, float] = field(default_factory=dict)
     # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
     attitude_inflation_rad2: FloatArray | None = None  # (n, 3, 3)
-    rest: Standing | None = None
+    standing: Standing | None = None
     goes_on: Earlier | None = None  # what keyframes to come need of these
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 

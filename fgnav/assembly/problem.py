@@ -88,7 +88,7 @@ def build_problem(
     # Where antennas are off their places that looks like multipath.
     is_looked_for = not (stage.causal or is_shape_estimated(requested))
     multipath, multipath_notes = lasting_error(stage.start) if is_looked_for else (None, ())
-    motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
+    motion, prediction, rate_notes = motion_of((stage, track), settings, constants, multipath)
     motion = resting_motion(motion, stage.record.imu, stands, settings.at_rest)
     causal, span_s = stage.causal, propagation_span_s(settings.calibration)
     earth = stage.earth_rate_n_radps
@@ -101,14 +101,14 @@ def build_problem(
     sensors = _bound((*antennas, *others.sensors), constants, timed)
     problem = Problem(
         t_s=track.t_s,
-        start=_start(stage, track, constants, turning, motion.aux),
+        start=_start(stage, track, constants, prediction, motion.aux),
         motion=motion,
         sensors=sensors,
         constants=constants,
         attitude_known=_measured_attitudes(stage),
         attitude_prior=attitude_prior(flight.initial, R_nb[0]),
         phase=phases.phase,
-        rate_known=turning is not None,
+        rate_known=prediction is not None,
     )
     reports = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
     notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
@@ -126,7 +126,7 @@ def build_problem(
         timed=timed,
         rough=stage.start.rough,
         causal=causal,
-        rest=stands,
+        standing=stands,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
     )
@@ -206,17 +206,17 @@ def _bound(
 
 
 def _start(
-    stage: Aligned, track: Tracked, constants: Parameters, turning: Turning | None, width: int
+    stage: Aligned, track: Tracked, constants: Parameters, prediction: Turning | None, width: int
 ) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
     p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
-    if turning is not None:
-        predicted = is_predicted(turning)
-        aux[:, 3:6] = np.where(predicted[:, None], turning.rate_b_radps, stage.rates)
-        R_nb = np.where(predicted[:, None, None], turning.R_nb, R_nb)
+    if prediction is not None:
+        predicted = is_predicted(prediction)
+        aux[:, 3:6] = np.where(predicted[:, None], prediction.rate_b_radps, stage.rates)
+        R_nb = np.where(predicted[:, None, None], prediction.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)

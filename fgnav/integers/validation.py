@@ -138,8 +138,8 @@ def validated(
     causal : bool
         Each epoch by epochs up to it alone; so must be the integers.
     """
-    believed, phases = _held_by_arcs(differences, integers, false_alarm, causal=causal)
-    phases, excluded = exclude_links(phases, believed.fixed, _ROUNDS)
+    adapted, phases = _held_by_arcs(differences, integers, false_alarm, causal=causal)
+    phases, excluded = exclude_links(phases, adapted.fixed, _ROUNDS)
     refused = phases.fails()
     factor = _variance_factor(phases.attitude, causal=causal)
     form, attitude = phases.form, phases.attitude
@@ -147,14 +147,14 @@ def validated(
         form = form.with_variance_factor(factor)
         raised = np.flatnonzero(factor != 1.0)
         attitude = searched_again(attitude, form, raised, attitude.R_nb[raised])
-    change = np.where(integers.fixed & believed.fixed, believed.cycles - integers.cycles, 0)
-    fixed = believed.fixed & np.isfinite(phases.ranges_m)
+    change = np.where(integers.fixed & adapted.fixed, adapted.cycles - integers.cycles, 0)
+    fixed = adapted.fixed & np.isfinite(phases.ranges_m)
     if excluded.any():
-        believed = replace(believed, fixed=fixed, cycles=np.where(fixed, believed.cycles, 0))
+        adapted = replace(adapted, fixed=fixed, cycles=np.where(fixed, adapted.cycles, 0))
     here = ~refused[:, None, None]
     return ValidatedArray(
         differences=differences,
-        integers=believed,
+        integers=adapted,
         form=form,
         attitude=attitude,
         ranges_m=phases.ranges_m,
@@ -163,7 +163,7 @@ def validated(
         rejections=_listed(differences, antennas, change * (fixed & here), excluded),
         notes=(
             *noise_notes(float(factor[-1]) if len(factor) else 1.0),
-            *_filled_note(differences, integers, believed),
+            *_filled_note(differences, integers, adapted),
         ),
     )
 
@@ -242,9 +242,9 @@ def _votes(
 
 
 def _filled_note(
-    differences: DoubleDifferences, resolved: Integers, believed: Integers
+    differences: DoubleDifferences, resolved: Integers, adapted: Integers
 ) -> tuple[str, ...]:
-    new = believed.fixed & ~resolved.fixed
+    new = adapted.fixed & ~resolved.fixed
     if not new.any():
         return ()
     none = new.any(axis=(1, 2)) & ~resolved.fixed.any(axis=(1, 2))

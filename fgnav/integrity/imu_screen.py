@@ -16,7 +16,7 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
 _NEAR = 25  # samples on either side: a median of 51 tells sigma to 16 %, half may be spikes
-_FEWEST = 100
+_MINIMUM = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
 STUCK = "all axes repeat the sample before, more often than by chance: left out"
@@ -27,12 +27,12 @@ def screen_imu(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     imu, repeated = without_repeated(imu)
     x = _of_all_axes(imu)
     is_constant = (np.diff(x, axis=0) == 0).all()  # all else contradicts it
-    is_tested = len(x) >= _FEWEST and not is_constant
+    is_tested = len(x) >= _MINIMUM and not is_constant
     stuck = stuck_samples(x) if is_tested else np.zeros(len(x), dtype=np.bool_)
-    moving, of_unit = _without(imu, stuck, STUCK)
+    moving, of_all = _without(imu, stuck, STUCK)
     moving, of_axes = without_stuck_axes(moving)
     corrected, of_spikes = without_spikes(moving)
-    return corrected, (*repeated, *of_unit, *of_axes, *of_spikes)
+    return corrected, (*repeated, *of_all, *of_axes, *of_spikes)
 
 
 def _without(imu: Imu, faulty: BoolArray, reason: str) -> tuple[Imu, tuple[Unused, ...]]:
@@ -68,7 +68,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     At the end of its range, or broken: what it measures nobody knows whenever it has that value.
     A record of which hardly anything would be left is kept: all else contradicts it.
     """
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return imu, ()
     stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), list[Unused]()
     for name, field, _ in SENSORS:
@@ -84,7 +84,7 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
             stuck |= in_run
     left_s, duration_s = imu.t_s[~stuck], float(np.ptp(imu.t_s))
     is_enough = len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
-    if unused and (len(left_s) >= _FEWEST or is_enough):
+    if unused and (len(left_s) >= _MINIMUM or is_enough):
         return imu[~stuck], tuple(unused)
     return imu, ()
 
@@ -119,7 +119,7 @@ def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of all axes, or None."""
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return None
     x = _of_all_axes(imu)
     return None if (np.diff(x, axis=0) == 0).all() else stuck_run(x)
@@ -143,8 +143,8 @@ def stuck_run(x: FloatArray) -> tuple[int, int] | None:
     """
     same = (np.diff(x, axis=0) == 0).all(axis=1)
     first, length = longest_run(same)
-    rest = np.delete(same, slice(first, first + length))
-    share = float((rest.sum() + 1) / (len(rest) + 2))
+    others = np.delete(same, slice(first, first + length))
+    share = float((others.sum() + 1) / (len(others) + 2))
     return (first, length) if is_unlikely(length, share, len(x)) else None
 
 
@@ -179,14 +179,14 @@ def screen_imu_causally(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     k = np.arange(len(x))
     run = k - np.maximum.accumulate(np.where(same, 0, k))  # equal ones in a row, up to each
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
-    stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
-    moving, of_unit = _without(imu, stuck, STUCK)
-    return moving, (*unused, *of_unit)
+    stuck = (run > 1) & (run < k) & (k >= _MINIMUM) & (k * share**run < _FALSE_ALARM)
+    moving, of_all = _without(imu, stuck, STUCK)
+    return moving, (*unused, *of_all)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record whose spikes are replaced by the means of their neighbours."""
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return imu, ()
     force, of_force = _replaced(imu.f_b_mps2)
     rate, of_rate = (None, of_force[:0]) if imu.w_b_radps is None else _replaced(imu.w_b_radps)
@@ -201,16 +201,16 @@ def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
 
 def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return samples, (k, 3), without spikes of their axes, and which have some, (k,)."""
-    middle, apart = np.empty_like(x), np.empty_like(x)
-    middle[1:-1], apart[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
+    middle, change = np.empty_like(x), np.empty_like(x)
+    middle[1:-1], change[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
     for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
-        middle[end], apart[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
-    off = np.abs(x - middle)
-    sigma = _NORMAL * np.median(off, axis=0)
-    spike = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
+        middle[end], change[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
+    residual = np.abs(x - middle)
+    sigma = _NORMAL * np.median(residual, axis=0)
+    spike = (residual > _SIGMAS * sigma) & (residual > _SIGMAS / _NEIGHBOURS * change) & (sigma > 0)
     for i, axis in np.argwhere(spike):  # where all around is louder it is noise
-        near = off[max(i - _NEAR, 0) : i + _NEAR + 1, axis]
-        spike[i, axis] = off[i, axis] > _SIGMAS * _NORMAL * np.median(near)
+        near = residual[max(i - _NEAR, 0) : i + _NEAR + 1, axis]
+        spike[i, axis] = residual[i, axis] > _SIGMAS * _NORMAL * np.median(near)
     k, mended = np.arange(len(x)), x.copy()
     for axis in np.flatnonzero(spike.any(axis=0)):
         bad = spike[:, axis]

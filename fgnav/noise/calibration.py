@@ -60,8 +60,8 @@ def with_latency_and_lever_arm(
     for sensor in extended.sensors:
         if sensor.name == Velocity.name and LATENCY in kinds and isinstance(sensor, Subset):
             led = timed.led[sensor.row]
-            late = replace(sensor, indices=sensor.indices[led], keyframes=sensor.row[led])
-            sensors.append(on_clock(late, timed, delay=VELOCITY_DELAY, clock=False))
+            delayed = replace(sensor, indices=sensor.indices[led], keyframes=sensor.row[led])
+            sensors.append(on_clock(delayed, timed, delay=VELOCITY_DELAY, clock=False))
         else:
             sensors.append(sensor)
     return replace(extended, sensors=tuple(sensors))
@@ -117,13 +117,13 @@ def calibration_notes(found: tuple[Calibrated, ...]) -> tuple[Note, ...]:
             continue
         name, others = _NAMES[one.kind], [other for other in found if other is not one]
         runner_up = max(others, key=lambda other: other.alone, default=None)
-        beside = (
+        comparison = (
             ""
             if runner_up is None
             else f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
         )
         parameter = f"{name[:1].upper()}{name[1:]}"
-        of = {"value": _value(one), "gain": one.alone, "runner_up": beside}
+        of = {"value": _value(one), "gain": one.alone, "runner_up": comparison}
         notes.append(note("I303", parameter=parameter, **of))
     return tuple(notes)
 

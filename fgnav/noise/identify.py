@@ -198,8 +198,8 @@ def hyperparameters(
             ),
         )
         step = next((one for one in now if one.kind == CLOCK), None)
-        is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
-        if step is None or not (clock or is_off):
+        is_wrong = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
+        if step is None or not (clock or is_wrong):
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
@@ -261,9 +261,9 @@ def _posterior(
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         problem = with_clock(problem)
     standstill = None
-    if prepared.rest is not None and fixes:
-        rest = prepared.rest
-        standstill = Standstill(rest.contains(problem.t_s), rest.share(problem.t_s))
+    if prepared.standing is not None and fixes:
+        stands = prepared.standing
+        standstill = Standstill(stands.contains(problem.t_s), stands.share(problem.t_s))
     components = NoiseComponents.of(problem, scalable(flight), standstill)
     names = [name.removesuffix(AT_REST) for name in components.names]
     prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))

@@ -40,7 +40,9 @@ _SIGMA = np.log(3.0)  # of a factor's logarithm: orbits and atmospheres differ b
 _SWEEPS = 2
 _INSISTS = 2.0  # log-likelihood ratio of two sigmas: less leaves the nominal
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
-_ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
+_SUFFICIENT = (
+    200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
+)
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 _NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
@@ -98,7 +100,7 @@ class SatelliteErrors:
     """
 
     def __init__(self, phase: AntennaPhase) -> None:
-        blocks = list(phase.blocks[:_ENOUGH])
+        blocks = list(phase.blocks[:_SUFFICIENT])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
         measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]

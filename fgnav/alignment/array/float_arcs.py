@@ -26,13 +26,15 @@ from fgnav.types.differences import DoubleDifferences
 ELEMENTS = 9
 _MOST = 6  # stretches: nine dimensions of each travel through the flight's whole chain
 _LONGEST_S = 60.0
-_FEWEST = 3  # epochs of a stretch
+_MINIMUM = 3  # epochs of a stretch
 _NEAR_S = 1.5  # from an attitude about which a stretch begins
 _RATE_EPOCHS = 3  # for the rate of the body there
 _ROUNDS = 2  # of constants, and of attitudes with what they share
 _ITERATIONS, _SETTLED = 20, 1e-6
 _UNKNOWN = 1.0  # 1-sigma of an element of u: more than attitudes are off
-_OFF_RAD = 0.02  # 1-sigma of where a stretch begins, for those who ask before it is smoothed
+_ANCHOR_SIGMA_RAD = (
+    0.02  # 1-sigma of where a stretch begins, for those who ask before it is smoothed
+)
 _DROPPED_AT_MOST = 0.5  # of a stretch's epochs: with more, something else than integers is wrong
 
 
@@ -99,7 +101,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
             continue
         part = differences[epoch[rows]]
         form, attitude, good = _solved(part, anchor, R_0, false_alarm)
-        if good.mean() < _DROPPED_AT_MOST or good.sum() < _FEWEST:
+        if good.mean() < _DROPPED_AT_MOST or good.sum() < _MINIMUM:
             omitted += len(rows)
             continue
         omitted += int((~good).sum())
@@ -108,7 +110,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         aligned = replace(
             start[at],
             R_nb=attitude.R_nb[kept],
-            covariance_rad2=attitude.covariance_rad2[kept] + _OFF_RAD**2 * np.eye(3),
+            covariance_rad2=attitude.covariance_rad2[kept] + _ANCHOR_SIGMA_RAD**2 * np.eye(3),
             valid=good[kept],
             form=form[kept],
         )
@@ -137,7 +139,7 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     phase = np.isfinite(differences.phase_m)
     wanted = np.flatnonzero((epoch >= 0) & ~start.valid & ~start.refused)
     wanted = wanted[phase[epoch[wanted]].any(axis=(1, 2))]
-    if len(wanted) < _FEWEST:
+    if len(wanted) < _MINIMUM:
         return []
     of = epoch[wanted]
     same = (phase[of[1:]] == phase[of[:-1]]).all(axis=(1, 2))
@@ -148,7 +150,7 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     for rows in np.split(wanted, first[1:]):
         turn = ((start.t_s[rows] - start.t_s[rows[0]]) // _LONGEST_S).astype(np.int64)
         runs += np.split(rows, np.flatnonzero(np.diff(turn)) + 1)
-    return [rows for rows in runs if len(rows) >= _FEWEST]
+    return [rows for rows in runs if len(rows) >= _MINIMUM]
 
 
 def _attitude_at_end(start: Alignment, rows: IntArray) -> tuple[FloatArray | None, int]:
@@ -213,8 +215,8 @@ def _adjusted(form: RotationQuadratic, R_nb: FloatArray) -> FloatArray:
         share = by_turn.swapaxes(1, 2) @ K  # (k, 9, 3)
         along = np.einsum("kij,ki->kj", J, pull)
         N = (W - share @ by_turn).sum(axis=0) + np.eye(ELEMENTS) / _UNKNOWN**2
-        rest = (pull - np.einsum("kij,kj->ki", share, along)).sum(axis=0) + u / _UNKNOWN**2
-        step = -np.linalg.solve(N, rest)
+        remainder = (pull - np.einsum("kij,kj->ki", share, along)).sum(axis=0) + u / _UNKNOWN**2
+        step = -np.linalg.solve(N, remainder)
         turn = -np.einsum("kij,kj->ki", K, along + by_turn @ step)
         R_nb, u = R_nb @ exp(turn), u + step
         if max(np.abs(step).max(), np.abs(turn).max()) < _SETTLED:

@@ -19,7 +19,7 @@ from fgnav.messages import note
 from fgnav.process.hyperparameters import VERY_STRONG_EVIDENCE, likeliest
 from fgnav.types.differences import DoubleDifferences
 
-_FEWEST = 30  # epochs, as of noise
+_MINIMUM = 30  # epochs, as of noise
 _MOST = 6000  # epochs that are looked at: ten minutes at 10 Hz, thirty times what echoes last
 _LONGEST = 10.0  # spans of what is looked at: of a longer one only that it lasts is known
 _SHARES = (0.01, 0.99)  # of variance, between which one is sought
@@ -40,7 +40,7 @@ def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
     epoch = start.epochs_of(differences.t_s)
     seen = (epoch >= 0) & start.valid
     rows = epoch[seen]
-    if len(rows) < _FEWEST:
+    if len(rows) < _MINIMUM:
         return None, ()
     kept_rows = rows[-_MOST:]
     residuals = link_residuals(differences, ranges_m, kept_rows, start.R_nb[seen][-_MOST:])
@@ -130,10 +130,10 @@ def _innovations(
             mean, last = rho * mean, t_s[k]
             variance = share + rho * rho * (variance - share)
             S = variance + 1 - share
-            off = value - mean
-            squares += off * off / S
+            innovation = value - mean
+            squares += innovation * innovation / S
             log_det += np.log(S)
-            mean += variance / S * off
+            mean += variance / S * innovation
             variance -= variance * variance / S
     return squares, log_det
 

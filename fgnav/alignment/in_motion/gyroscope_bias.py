@@ -92,8 +92,8 @@ def _fitted(
             return None
         columns = []
         for k, step in enumerate(_STEP * np.eye(6)):
-            turned = _rotation(imu, biases + step) if k < 3 else rotation  # by the gyroscope alone
-            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step, turned)
+            rotated = _rotation(imu, biases + step) if k < 3 else rotation  # by the gyroscope alone
+            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step, rotated)
             if moved is None:
                 return None
             columns.append((moved.f_u_mps2 - pairs.f_u_mps2) @ R_nb.T / _STEP)

@@ -34,7 +34,7 @@ WINDOW_S = (
     30.0  # a bias of 0.02 rad/s, a straight line in tilt, turns heading by 0.3 rad to its middle
 )
 _MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in the same order
-_FEWEST = 4  # pairs beside the two of a straight line
+_MINIMUM = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
 _BEGUN = 0.05  # of the information about heading lies before motion began: noise, at rest
 _GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
@@ -164,7 +164,7 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
 
 def levelled(f_u: FloatArray) -> FloatArray:
     """Return the R_nu, (k, 3, 3), of heading zero by which mean specific forces point up."""
-    return _between(_unit(f_u), np.broadcast_to(_UP_U, f_u.shape))
+    return _between(_normalised(f_u), np.broadcast_to(_UP_U, f_u.shape))
 
 
 def _rows(windows: Columns, rows: IntArray) -> Columns:
@@ -180,7 +180,7 @@ def _windows(pairs: Pairs, after_s: float) -> Columns:
     """Return the windows, (k,), whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     count = np.arange(1, len(first) + 1) - first
-    which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
+    which = np.flatnonzero((count >= _MINIMUM + 2) & (pairs.until_s > after_s))
     if not len(which):
         return _concatenated([])
     row = first[which, None] + np.arange(_MOST)
@@ -220,9 +220,9 @@ def _headings(
     line = _line(t_s, within)
     alpha = _without_line(line, f_n[..., 0] + 1j * f_n[..., 1])
     R_nu = levelled(up_u)
-    R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu
-    R_nu = _between(_unit(np.einsum("kij,kj->ki", R_nu, up_u)), _unit(up_n)) @ R_nu
-    R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu  # level is off by the mean force before
+    R_nu = _yaw_rotation(line, alpha, f_u, R_nu) @ R_nu
+    R_nu = _between(_normalised(np.einsum("kij,kj->ki", R_nu, up_u)), _normalised(up_n)) @ R_nu
+    R_nu = _yaw_rotation(line, alpha, f_u, R_nu) @ R_nu  # level is off by the mean force before
     beta = _horizontal(line, f_u, R_nu)
     size, scale = (np.sum(np.abs(value) ** 2, axis=1) for value in (beta, alpha))
     product = np.abs(np.sum(beta.conj() * alpha, axis=1))
@@ -245,7 +245,9 @@ def _line(t_s: FloatArray, within: BoolArray) -> FloatArray:
     return np.asarray(line / np.linalg.norm(line, axis=2, keepdims=True))
 
 
-def _turned(line: FloatArray, alpha: ComplexArray, f_u: FloatArray, R_nu: FloatArray) -> FloatArray:
+def _yaw_rotation(
+    line: FloatArray, alpha: ComplexArray, f_u: FloatArray, R_nu: FloatArray
+) -> FloatArray:
     """Return the turns about the vertical, (k, 3, 3), that the regressions ask for."""
     angle = np.angle(np.sum(_horizontal(line, f_u, R_nu).conj() * alpha, axis=1))
     return np.asarray(exp(angle[:, None] * -_UP_U))
@@ -262,7 +264,7 @@ def _without_line(line: FloatArray, values: ComplexArray) -> ComplexArray:
     return np.asarray(values - np.einsum("kim,ki->km", line, share))
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
+def _normalised(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -271,7 +273,7 @@ def _between(e_from: FloatArray, e_to: FloatArray) -> FloatArray:
     axis, cosine = np.cross(e_from, e_to), np.sum(e_from * e_to, axis=1)
     sine = np.linalg.norm(axis, axis=1)
     parallel = sine < 1e-12
-    across = _unit(np.cross(e_from, np.eye(3)[np.abs(e_from).argmin(axis=1)]))
+    across = _normalised(np.cross(e_from, np.eye(3)[np.abs(e_from).argmin(axis=1)]))
     axis = np.where(parallel[:, None], across, axis / np.where(parallel, 1.0, sine)[:, None])
     angle = np.where(parallel, np.where(cosine > 0, 0.0, np.pi), np.arctan2(sine, cosine))
     return np.asarray(exp(angle[:, None] * axis))

@@ -149,8 +149,8 @@ def slips(state: Ambiguities, H: FloatArray, z: FloatArray, names: ArcNames) -> 
         cycles = np.linalg.solve(normal, W[:, chosen].T @ r)
         if np.abs(cycles).min() < _STEP_CYCLES / 2:
             return ()
-        rest = r @ weighted[:, 0] - cycles @ (W[:, chosen].T @ r)
-        if rest <= largest(len(z) - len(chosen)):
+        remainder = r @ weighted[:, 0] - cycles @ (W[:, chosen].T @ r)
+        if remainder <= largest(len(z) - len(chosen)):
             return tuple(map(Slip, chosen, cycles.tolist()))
     return ()
 

@@ -124,9 +124,9 @@ def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | No
     if not len(D):
         return None, False
     is_determined = np.diag(state.combined(cycles)[1]) < _DETERMINED_CYCLES**2
-    enough = int(is_determined.sum()) >= _LEAST_FIXED - 1
+    is_placed = int(is_determined.sum()) >= _LEAST_FIXED - 1
     if is_determined.all():
-        return None, enough
+        return None, is_placed
     D, cycles = D[~is_determined], cycles[~is_determined]
     floats, covariance = state.combined(cycles)
     offset = cycles @ of.offset_m
@@ -134,15 +134,15 @@ def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | No
     best = partial_integer_least_squares(floats, (covariance + covariance.T) / 2, 1 - _WRONG_MAX)
     Z = best.combinations
     if not len(Z):
-        return None, enough
-    apart = Z @ floats - best.integers
-    squares = float(apart @ np.linalg.solve(Z @ covariance @ Z.T, apart))
+        return None, is_placed
+    deviation = Z @ floats - best.integers
+    squares = float(deviation @ np.linalg.solve(Z @ covariance @ Z.T, deviation))
     if squares > largest(len(Z)):
-        return None, enough
+        return None, is_placed
     right = best.integers - Z @ (offset - np.rint(offset))
-    enough = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
+    is_placed = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
     combination = np.rint(Z @ D).astype(np.int64)
-    return Constraint(j, of.arc, Z @ cycles, right, combination, best.success), enough
+    return Constraint(j, of.arc, Z @ cycles, right, combination, best.success), is_placed
 
 
 def _entered(

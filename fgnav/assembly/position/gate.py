@@ -14,7 +14,7 @@ from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
 
 _AROUND = 15  # fixes before and after: fourteen in a row may be wrong
-_APART_S = 2.0  # fixes further apart are not held against each other
+_LONGEST_STEP_S = 2.0  # fixes further apart are not held against each other
 _AROUND_S = 1.5  # the inertial track drifts; but three on either side are needed to vote
 _LEAST = 3
 _SIGMAS = 6.0
@@ -77,26 +77,26 @@ def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
         if velocity is not None:
             arm_mps = swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
             sigma_mps = track_mps2 * _AROUND_S
-            velocities[name], off, middle = _tested(
+            velocities[name], error, middle = _tested(
                 track, velocity, gained_n_mps + arm_mps, sigma_mps
             )
-            tests.append(("velocity", "m/s", name, off))
+            tests.append(("velocity", "m/s", name, error))
             v_n_mps = gained_n_mps + middle
         elif position is not None:
             v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=track.causal)
         if position is not None:
             moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
             sigma_m = track_mps2 * _AROUND_S**2 / 2
-            positions[name], off, _ = _tested(track, position, moved_n_m, sigma_m)
-            tests.append(("position", "m", name, off))
+            positions[name], error, _ = _tested(track, position, moved_n_m, sigma_m)
+            tests.append(("position", "m", name, error))
     placed = antenna.positions if antenna.phases else tuple(positions.values())
     return Gated(
         replace(antenna, positions=placed, velocities=tuple(velocities.values())),
         tuple(one for test in tests for one in _listed(t_s, *test)),
         tuple(
-            Unused(what=what, reason="off its neighbours", count=int((off > 0).sum()))
-            for what, _, _, off in tests
-            if off.any()
+            Unused(what=what, reason="off its neighbours", count=int((error > 0).sum()))
+            for what, _, _, error in tests
+            if error.any()
         ),
     )
 
@@ -112,18 +112,18 @@ def _tested(
     residual = series.value - expected
     valid = np.isfinite(residual[:, 0])
     middle: FloatArray = np.zeros_like(residual)
-    off: FloatArray = np.zeros(len(t_s))
+    error: FloatArray = np.zeros(len(t_s))
     if valid.any():
         medians = _medians(t_s[valid], residual[valid], causal=causal)
         middle = interpolate(t_s, t_s[valid], medians, causal=causal)
-        apart = residual[valid] - medians
-        spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
+        deviation = residual[valid] - medians
+        spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(deviation), axis=0)
         variance = np.einsum("nii->ni", series.covariance[valid]) + spread**2
         sigma = np.sqrt(variance + track_sigma[valid, None] ** 2)
-        out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
-        off[valid] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
-    off *= ~_about(t_s, track.untested, causal=causal)
-    return replace(series, value=np.where(off[:, None] > 0, np.nan, series.value)), off, middle
+        out = (np.abs(deviation) > _SIGMAS * sigma).any(axis=1)
+        error[valid] = np.where(out, np.linalg.norm(deviation, axis=1), 0.0)
+    error *= ~_about(t_s, track.untested, causal=causal)
+    return replace(series, value=np.where(error[:, None] > 0, np.nan, series.value)), error, middle
 
 
 def _about(t_s: FloatArray, marked: BoolArray, *, causal: bool) -> BoolArray:
@@ -168,23 +168,25 @@ def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray
 
     Causal: of each and those before it.
     """
-    apart = np.diff(t_s) > _APART_S
-    segment = np.concatenate([[0], np.cumsum(apart)])
-    beside = np.arange(-_AROUND, 1 if causal else _AROUND + 1)
-    rows = np.arange(len(t_s))[:, None] + beside
+    deviation = np.diff(t_s) > _LONGEST_STEP_S
+    segment = np.concatenate([[0], np.cumsum(deviation)])
+    neighbours = np.arange(-_AROUND, 1 if causal else _AROUND + 1)
+    rows = np.arange(len(t_s))[:, None] + neighbours
     inside = rows.clip(0, len(t_s) - 1)
     belongs = (rows == inside) & (segment[inside] == segment[:, None])
     near = np.abs(t_s[inside] - t_s[:, None]) <= _AROUND_S
-    belongs &= near | (np.abs(beside) <= _LEAST)
+    belongs &= near | (np.abs(neighbours) <= _LEAST)
     # What does not belong is sorted to the end; numpy's own nanmedian takes three times as long.
     ordered = np.sort(np.where(belongs[..., None], values[inside], np.inf), axis=1)
     count, row = belongs.sum(axis=1), np.arange(len(t_s))
     return np.asarray((ordered[row, (count - 1) // 2] + ordered[row, count // 2]) / 2)
 
 
-def _listed(t_s: FloatArray, what: str, unit: str, antenna: str, off: FloatArray) -> list[Rejected]:
+def _listed(
+    t_s: FloatArray, what: str, unit: str, antenna: str, error: FloatArray
+) -> list[Rejected]:
     """List the rejected values, neighbours as one interval."""
-    edges = np.diff(np.concatenate([[False], off > 0, [False]]).astype(np.int8))
+    edges = np.diff(np.concatenate([[False], error > 0, [False]]).astype(np.int8))
     first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     return [
         Rejected(
@@ -192,7 +194,7 @@ def _listed(t_s: FloatArray, what: str, unit: str, antenna: str, off: FloatArray
             link=antenna,
             from_s=float(t_s[a]),
             until_s=float(t_s[b]),
-            reason=f"{off[a : b + 1].max():.3g} {unit} off its neighbours: left out",
+            reason=f"{error[a : b + 1].max():.3g} {unit} off its neighbours: left out",
         )
         for a, b in zip(first, last, strict=True)
     ]

@@ -242,11 +242,11 @@ def _arc_block(start: _BlockStart) -> ArcBlock:
 def _code_rows(of: NumberedArcs, live: LiveBlock, i: int) -> tuple[FloatArray, FloatArray]:
     """Return rows, (m, d), of phase less code of the channels that have both, and right sides."""
     is_due = live.coded_s == live.t_s
-    coded = np.flatnonzero(np.isfinite(of.code_apart_m[i, live.channel]) & is_due)
+    coded = np.flatnonzero(np.isfinite(of.phase_less_code_m[i, live.channel]) & is_due)
     order, clock = by_clock(of.of.group[live.channel[coded]])
     ambiguity = coded[order]
     channel, measured = live.channel[ambiguity], np.zeros((len(order), 4))
-    measured[:, 3] = of.code_apart_m[i, channel]
+    measured[:, 3] = of.phase_less_code_m[i, channel]
     columns = ambiguity, np.full(len(order), -1)
     sigma_m = of.of.code_sigma_m[i, channel]
     _, H, z = whitened_rows(clock, columns, live.sizes, 0.0, sigma_m, measured)

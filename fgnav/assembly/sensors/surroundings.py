@@ -193,26 +193,26 @@ def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> floa
     """
     if barometer.wander_m == 0 or len(times_s) < 2:
         return 0.0
-    spacing_s, apart_s = float(np.median(np.diff(t_s))), float(times_s[1] - times_s[0])
+    spacing_s, interval_s = float(np.median(np.diff(t_s))), float(times_s[1] - times_s[0])
     T_s, variance_m2 = barometer.wander_time_s, barometer.wander_m**2
-    missed = variance_m2 * apart_s**2 / (6 * T_s)
+    missed = variance_m2 * interval_s**2 / (6 * T_s)
     return max(
-        min(missed, 2 * variance_m2 * T_s) / spacing_s, min(apart_s / T_s / 3, 1.0) * variance_m2
+        min(missed, 2 * variance_m2 * T_s) / spacing_s, min(interval_s / T_s / 3, 1.0) * variance_m2
     )
 
 
 def _offset(barometer: Barometer, times_s: FloatArray) -> Parameter:
     """Return offset and drift at those times, as correlated as they are."""
-    apart_s = np.abs(times_s[:, None] - times_s)
-    drift_m2 = barometer.wander_m**2 * np.exp(-apart_s / barometer.wander_time_s)
+    interval_s = np.abs(times_s[:, None] - times_s)
+    drift_m2 = barometer.wander_m**2 * np.exp(-interval_s / barometer.wander_time_s)
     n = len(times_s)
-    apart_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
+    rounding_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
     return Parameter(
         name=OFFSET,
         axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
         unit="m",
         mean=np.zeros(n),
-        covariance=barometer.offset_m**2 + drift_m2 + apart_m2,
+        covariance=barometer.offset_m**2 + drift_m2 + rounding_m2,
         start=np.zeros(n),
         linear=True,
     )

@@ -14,7 +14,7 @@ from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 _EVERY_S = 1.0
 _WIDEST_RAD = 0.5  # the tangent of an angle is linear to a tenth below
-_FEWEST = 5  # differences, by which a sigma is known to a third
+_MINIMUM = 5  # differences, by which a sigma is known to a third
 
 
 def wheels(
@@ -87,7 +87,7 @@ def resting_rates(imu: Imu, stands: Standing, earth_rate_n_radps: FloatArray) ->
     until = np.arange(len(row)) if stands.causal else np.full(len(row), len(row) - 1)
     number = follows.cumsum()[until]
     variance = half.cumsum(axis=0)[until] / np.maximum(number, 1)[:, None]
-    good = (number >= _FEWEST) & (variance > 0).all(axis=1)
+    good = (number >= _MINIMUM) & (variance > 0).all(axis=1)
     if not good.any():
         return None
     return RestingRate(

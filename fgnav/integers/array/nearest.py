@@ -58,9 +58,9 @@ def nearest(
             if distance[i] < distance[nearest_start]:
                 nearest_start = i
         distance[nearest_start] = np.inf
-        trial_cost, turned = _descend(starts[nearest_start], columns, information)
+        trial_cost, rotated = _descend(starts[nearest_start], columns, information)
         if trial_cost < best:
-            best, M = trial_cost, turned
+            best, M = trial_cost, rotated
     return best, M
 
 
@@ -91,7 +91,7 @@ def _start(columns: FloatArray, axis: FloatArray, start: int) -> FloatArray:
     if start < 4:
         upright, turn_rad = orthonormal(columns), np.zeros(3)
         _add(turn_rad, 0.5 * np.pi * start, upright[:3])
-        return _turned(upright, turn_rad)
+        return _rotated(upright, turn_rad)
     sign = 2.0 * start - 9.0
     out = columns.copy()
     along = np.zeros(len(columns) // 3)
@@ -250,11 +250,11 @@ def _descend(
         step = _newton_step(J, information, residual)
         gained = False
         for _ in range(_HALVINGS):
-            turned = _turned(M, step)
-            trial_cost = _distance(turned, columns, information)
+            rotated = _rotated(M, step)
+            trial_cost = _distance(rotated, columns, information)
             if trial_cost <= cost:
                 gained = cost - trial_cost > _EXACT
-                cost, M = trial_cost, turned
+                cost, M = trial_cost, rotated
                 break
             _add(step, -0.6, step)
         if not gained:
@@ -274,6 +274,6 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
 
 
 @kernel
-def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
+def _rotated(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Turn every column about the axes of ``n``."""
     return product(M.reshape(len(M) // 3, 3), transposed(exp(turn_rad))).reshape(len(M))
