@@ -21,11 +21,9 @@ from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_veloc
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.gravity import GravityDirection
-from fgnav.integers.resolvers.resolve import resolve
-from fgnav.integers.validation import ValidatedArray, validated
+from fgnav.integers.validation import ValidatedArray
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Resolver
 
 
 def alignment_without_array(
@@ -64,34 +62,6 @@ def alignment_without_array(
     return wahba_alignment(track.t_s, with_velocity(pairs, track), unused)
 
 
-def array_phases(
-    flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
-) -> tuple[ValidatedArray | None, ...]:
-    """Return an array's phases by each view of ``pivot_views``; None where one has no integers.
-
-    Causal: each epoch by epochs up to it.
-
-    Raises
-    ------
-    BadInputError
-        If the resolver has no causal form, and needs one.
-    NoSolutionError
-        If the first has none.
-    """
-    phases: list[ValidatedArray | None] = []
-    for view in pivot_views(flight, causal=causal):
-        try:
-            differences, integers = resolve(view.flight, resolver, causal=causal)
-        except NoSolutionError:
-            if not phases:
-                raise
-            phases.append(None)  # then these epochs stay without
-            continue
-        names = tuple(antenna.name for antenna in view.flight.antennas)
-        phases.append(validated(differences, integers, names, false_alarm, causal=causal))
-    return tuple(phases)
-
-
 def array_alignment(
     flight: Flight, phases: tuple[ValidatedArray | None, ...], *, causal: bool = False
 ) -> Alignment:
@@ -103,7 +73,7 @@ def array_alignment(
     ----------
     flight : Flight
     phases : tuple of ValidatedArray or None
-        Of these observations, see ``array_phases``.
+        Of these observations by each view of ``pivot_views``; None where one has no integers.
     causal : bool
 
     Raises

@@ -33,7 +33,6 @@ from fgnav.assembly.stages import (
     Tracked,
     aligned,
     approximate_motion,
-    inertial_record,
     tracked,
 )
 from fgnav.checks import BoolArray, Unused
@@ -68,7 +67,6 @@ def build_problem(
         Naming the part of the flight that is missing.
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
-    inertial_record(flight.imu)
     repeated: tuple[Unused, ...] = ()
     if not settings.causal:
         flight, repeated = screen_instruments(flight)

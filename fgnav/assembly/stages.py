@@ -91,15 +91,6 @@ class Tracked(NamedTuple):
     unused: tuple[Unused, ...]
 
 
-def inertial_record(imu: Imu | None) -> Imu:
-    """Return the accelerometer's record, of two samples at least."""
-    if imu is None:
-        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
-    if len(imu.t_s) < 2:
-        raise NoSolutionError(f"motion: the [imu] has {len(imu.t_s)} samples, needs 2")
-    return imu
-
-
 def aligned(
     flight: Flight,
     settings: ProblemSettings,
@@ -121,7 +112,11 @@ def aligned(
     """
     causal = settings.causal
     screened = screen_imu_causally if causal else screen_imu
-    imu, faulty = screened(inertial_record(flight.imu))
+    if flight.imu is None:
+        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
+    if len(flight.imu.t_s) < 2:
+        raise NoSolutionError(f"motion: the [imu] has {len(flight.imu.t_s)} samples, needs 2")
+    imu, faulty = screened(flight.imu)
     record, down = bridged(imu, causal=causal), None
     if settings.gravity is not None:
         down = (causal_gravity(settings.gravity) if causal else settings.gravity)(flight)

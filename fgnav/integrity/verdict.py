@@ -72,7 +72,7 @@ def judge(
 
 
 def _of_record(one: InnovationSeries, remainder: InnovationSeries, rate: float) -> list[Verdict]:
-    """Return a verdict of all of a record if ``remainder``, without its worst blocks, has one, too."""
+    """Return a verdict of all of a record if ``remainder``, without its worst blocks, has one."""
     if not int(remainder.freedom.sum()):
         remainder = one
     limit = max(TOLERATED, limit_of(remainder.squared, remainder.freedom, rate))

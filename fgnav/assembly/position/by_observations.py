@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from fgnav.alignment.array.pivot import pivot_views
 from fgnav.alignment.array.shape import FixedPhases, fixed_phases
-from fgnav.alignment.array_attitudes import array_phases
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import NoSolutionError
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
 from fgnav.gnss.single_point.solution import CodeSolution, code_solution
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
-from fgnav.integers.validation import ValidatedArray
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.validation import ValidatedArray, validated
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Antenna
 from fgnav.types.integers import Resolver
@@ -48,8 +48,28 @@ class ByObservations:
 
     @cached_property
     def array(self) -> tuple[ValidatedArray | None, ...]:
-        """Phases of the array, see ``array_phases``."""
-        return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
+        """Phases of the array by each view of ``pivot_views``; None where one has no integers.
+
+        Raises
+        ------
+        BadInputError
+            If the resolver has no causal form, and needs one.
+        NoSolutionError
+            If the first has none.
+        """
+        phases: list[ValidatedArray | None] = []
+        for flight, _ in pivot_views(self.flight, causal=self.causal):
+            try:
+                differences, integers = resolve(flight, self.resolver, causal=self.causal)
+            except NoSolutionError:
+                if not phases:
+                    raise
+                phases.append(None)
+                continue
+            names = tuple(antenna.name for antenna in flight.antennas)
+            causal, false_alarm = self.causal, self.false_alarm
+            phases.append(validated(differences, integers, names, false_alarm, causal=causal))
+        return tuple(phases)
 
     @cached_property
     def fixed(self) -> FixedPhases:
