@@ -65,7 +65,7 @@ def open_heading(
         return None
     p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     # They speak of the heading, which here is arbitrary.
-    parts = tuple(part for part in problem.sensors if part.name != WHEELS)
+    parts = tuple(sensor for sensor in problem.sensors if sensor.name != WHEELS)
     phase = _phase_before_heading(problem, stage, track)
     without_wheels = replace(problem, sensors=parts, phase=phase)
     opening = replace(
@@ -90,11 +90,11 @@ def _phase_before_heading(problem: Problem, stage: Aligned, track: Tracked) -> A
     if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
         return problem.phase
     before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
-    part = tuple(
+    observed = tuple(
         phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
         for phase, rows in zip(phases, before, strict=True)
     )
-    return antenna_phase(part, t_s, stage.R_open, problem.constants, causal=True).phase
+    return antenna_phase(observed, t_s, stage.R_open, problem.constants, causal=True).phase
 
 
 def _with_force_noise(problem: Problem, track: Tracked, intervals: BoolArray) -> Problem:

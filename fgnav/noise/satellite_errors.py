@@ -80,7 +80,7 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
     rows, louder = phase.rows, factors.get(PHASE, 1.0)
 
     def rescaled(i: int) -> PhaseRows:
-        return PhaseRows._make(part / louder for part in rows[i])
+        return PhaseRows._make(columns / louder for columns in rows[i])
 
     changed = replace(phase, blocks=OnDemand(len(blocks), weighted))
     return changed if louder == 1.0 else replace(changed, rows=OnDemand(len(rows), rescaled, MANY))
@@ -112,7 +112,7 @@ class SatelliteErrors:
         self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
         self._eliminated = sum(one.size for one in blocks[:-1])
         parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
-        self._rows = [np.concatenate([one.ravel() for one in part]) for part in parts]
+        self._rows = [np.concatenate([one.ravel() for one in columns]) for columns in parts]
         self._measured = np.concatenate([one.ravel() for one in measured])
 
     def climbed(self, theta: FloatArray, i: int) -> FloatArray:

@@ -99,8 +99,8 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         if R_0 is None:
             omitted += len(rows)
             continue
-        part = differences[epoch[rows]]
-        form, attitude, good = _solved(part, anchor, R_0, false_alarm)
+        selected = differences[epoch[rows]]
+        form, attitude, good = _solved(selected, anchor, R_0, false_alarm)
         if good.mean() < _DROPPED_AT_MOST or good.sum() < _MINIMUM:
             omitted += len(rows)
             continue
@@ -115,7 +115,7 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
             form=form[kept],
         )
         start, stretch[at] = start.with_rows(at, aligned), count
-        arcs += int(part.resolvable[0].sum())
+        arcs += int(selected.resolvable[0].sum())
         count += 1
     if count:
         R_nb = interpolated_attitudes(start.t_s, start.R_nb, start.valid)
@@ -175,29 +175,29 @@ def _attitude_at_end(start: Alignment, rows: IntArray) -> tuple[FloatArray | Non
 
 
 def _solved(
-    part: DoubleDifferences, anchor: int, R_0: FloatArray, false_alarm: float
+    selected: DoubleDifferences, anchor: int, R_0: FloatArray, false_alarm: float
 ) -> tuple[RotationQuadratic, AttitudeSolution, BoolArray]:
     """Return form and attitudes of a run, and which of its epochs agree with themselves.
 
     Parameters are first such that the body stands so at one epoch, then those that all epochs have
     on average: the noise of the one would show in the residuals of all.
     """
-    R_nb = np.repeat(R_0[None], len(part.t_s), axis=0)
-    constant_m = (part.phase_m - part.array_m(R_nb))[anchor]
-    R_nb = maximum_likelihood(_form(part, constant_m), R_nb).R_nb
+    R_nb = np.repeat(R_0[None], len(selected.t_s), axis=0)
+    constant_m = (selected.phase_m - selected.array_m(R_nb))[anchor]
+    R_nb = maximum_likelihood(_form(selected, constant_m), R_nb).R_nb
     for _ in range(_ROUNDS):
-        R_nb = _adjusted(_form(part, constant_m), R_nb)
-        constant_m = (part.phase_m - part.array_m(R_nb)).mean(axis=0)
-    form = _form(part, constant_m)
+        R_nb = _adjusted(_form(selected, constant_m), R_nb)
+        constant_m = (selected.phase_m - selected.array_m(R_nb)).mean(axis=0)
+    form = _form(selected, constant_m)
     attitude = maximum_likelihood(form, R_nb)
     sound = attitude.solved & ~attitude.open_axis_b.any(axis=1)
     return form, attitude, sound & attitude.consistent(false_alarm)
 
 
-def _form(part: DoubleDifferences, constant_m: FloatArray) -> RotationQuadratic:
+def _form(selected: DoubleDifferences, constant_m: FloatArray) -> RotationQuadratic:
     """Return the form of phases less a constant of each link, (b, m)."""
-    of_link = np.where(part.is_reference[:, None], 0.0, constant_m)
-    return RotationQuadratic.of_ranges(part, part.phase_m - of_link)
+    of_link = np.where(selected.is_reference[:, None], 0.0, constant_m)
+    return RotationQuadratic.of_ranges(selected, selected.phase_m - of_link)
 
 
 def _adjusted(form: RotationQuadratic, R_nb: FloatArray) -> FloatArray:

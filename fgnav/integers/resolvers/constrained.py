@@ -173,27 +173,29 @@ class _Sets:
         return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < tail))
 
     def w_tests(self, rows: IntArray) -> FloatArray:
-        part = self.differences.resampled(rows).without_code(self.without_links[rows])
+        selected = self.differences.resampled(rows).without_code(self.without_links[rows])
         baselines_n_m = self.searched.baselines_n_m[rows]
-        at_reference = np.where(part.is_reference[:, None] & (part.phase_m == 0), 0.0, np.nan)
-        range_m = part.ranges_m(baselines_n_m)
-        code_m = part.code_m - range_m
-        phase_m = part.phase_m - part.wavelength_m * self.searched.cycles[rows] - range_m
+        at_reference = np.where(
+            selected.is_reference[:, None] & (selected.phase_m == 0), 0.0, np.nan
+        )
+        range_m = selected.ranges_m(baselines_n_m)
+        code_m = selected.code_m - range_m
+        phase_m = selected.phase_m - selected.wavelength_m * self.searched.cycles[rows] - range_m
         measured = [
-            Residuals(np.where(part.resolvable, off_m, at_reference), variance_m2)
+            Residuals(np.where(selected.resolvable, off_m, at_reference), variance_m2)
             for off_m, variance_m2 in (
-                (code_m, part.code_variance_m2),
-                (phase_m, part.phase_variance_m2),
+                (code_m, selected.code_variance_m2),
+                (phase_m, selected.phase_variance_m2),
             )
         ]
-        return w_tests(part, measured, baselines_n_m)
+        return w_tests(selected, measured, baselines_n_m)
 
     def without(self, rows: IntArray, links: BoolArray) -> "_Sets":
         without_links = self.without_links.copy()
-        part = self.differences.resampled(rows)
-        without_links[rows] = touched(part, links)
-        part = part.without_code(without_links[rows])
-        searched = self.searched.with_rows(rows, search_constrained(part, self.resolver.nodes))
+        selected = self.differences.resampled(rows)
+        without_links[rows] = touched(selected, links)
+        selected = selected.without_code(without_links[rows])
+        searched = self.searched.with_rows(rows, search_constrained(selected, self.resolver.nodes))
         return replace(self, searched=searched, without_links=without_links)
 
 
