@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.alignment.array.multipath import lasting_error
+from fgnav.alignment.array.multipath import correlated_error
 from fgnav.alignment.array.shape import array_shape, initial_shape, is_shape_estimated
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.initial import attitude_prior
@@ -85,7 +85,7 @@ def build_problem(
     constants = _constants(flight, requested, stage, others)
     # Where antennas are off their places that looks like multipath.
     is_looked_for = not (stage.causal or is_shape_estimated(requested))
-    multipath, multipath_notes = lasting_error(stage.start) if is_looked_for else (None, ())
+    multipath, multipath_notes = correlated_error(stage.start) if is_looked_for else (None, ())
     motion, prediction, rate_notes = motion_of((stage, track), settings, constants, multipath)
     motion = resting_motion(motion, stage.record.imu, stands, settings.at_rest)
     causal, span_s = stage.causal, propagation_span_s(settings.calibration)

@@ -26,7 +26,7 @@ _SHARES = (0.01, 0.99)  # of variance, between which one is sought
 _KNOWN = 1e-10  # relative eigenvalue, as of forms
 
 
-def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
+def correlated_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
     """Build the time-correlated phase error at keyframes, and a note; None of white errors.
 
     Parameters
@@ -44,7 +44,7 @@ def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
         return None, ()
     kept_rows = rows[-_MOST:]
     residuals = link_residuals(differences, ranges_m, kept_rows, start.R_nb[seen][-_MOST:])
-    process = lasting_process(differences.t_s[kept_rows], residuals)
+    process = correlated_process(differences.t_s[kept_rows], residuals)
     if process is None:
         return None, ()
     share, constant_s = process
@@ -87,7 +87,7 @@ def link_residuals(
     return np.where(links & ~alone, sigmas, np.nan).reshape(len(rows), -1)
 
 
-def lasting_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, float] | None:
+def correlated_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, float] | None:
     """Return share of variance and time constant, s, of what stays of residuals, (k, m).
 
     None where white noise is as likely.
