@@ -4,7 +4,7 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 ``angular_motion(k)``; part i of the constants has ``constant(i)``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -56,21 +56,28 @@ class Layout:
 
 
 def insert_keyframe(
-    values: gtsam.Values,
-    layout: Layout,
-    k: int,
-    at: States,
-    row: int = 0,
-    *,
-    biased: bool = False,
+    values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0
 ) -> None:
-    """Add row ``row`` of states to the values, as keyframe k; biased: its biases are there."""
+    """Add row ``row`` of states to the values, as keyframe k."""
     x, v, aux = layout.keyframe(k)
     values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
     values.insert(v, at.v_n_mps[row])
     # 30 us: ConstantBias is the last of insert's overloads, and there is no other way to a new key.
-    if not biased:
-        values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+    values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+
+
+def keyframe_states(values: gtsam.Values, layout: Layout, numbers: Sequence[int]) -> States:
+    """Return keyframes and constants as they are in the values."""
+    n, read = len(numbers), values.atVector
+    R_nb, p_n_m, v_n_mps = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
+    aux = np.empty((n, layout.width - AUX))
+    for row, k in enumerate(numbers):
+        x, v, vector = layout.keyframe(k)
+        pose = values.atPose3(x).matrix()  # a third of rotation's and translation's time
+        R_nb[row], p_n_m[row], v_n_mps[row] = pose[:3, :3], pose[:3, 3], read(v)
+        aux[row] = values.atConstantBias(vector).vector() if layout.gyroscope else read(vector)
+    constants = np.concatenate([np.empty(0), *map(read, layout.constant_keys)])
+    return States(R_nb, p_n_m, v_n_mps, aux, constants)
 
 
 def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> None:
@@ -109,26 +116,11 @@ def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
     return gtsam.imuBias.ConstantBias(aux[:3], aux[3:])
 
 
-class KeyframeMeasurements:
-    """Measurements of a problem by keyframe.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        edges = np.arange(len(problem.t_s) + 1)
-        self._of = [
-            (measurement, np.searchsorted(measurement.row, edges).tolist())
-            for measurement in problem.sensors
-        ]
-
-    def factors(self, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
-        """Yield what row ``row`` measured, as factors of keyframe k."""
-        for measurement, first in self._of:
-            for i in range(first[row], first[row + 1]):
-                yield measurement.factor(i, k)
+def sensor_factors(problem: Problem, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
+    """Yield the measurements of a problem's row as factors of keyframe k."""
+    for sensor in problem.sensors:
+        for i in range(*sensor.row.searchsorted((row, row + 1)).tolist()):
+            yield sensor.factor(i, k)
 
 
 def keyframe_priors(problem: Problem, k: int = 0) -> list[gtsam.NonlinearFactor]:

@@ -28,11 +28,19 @@ from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX
 from fgnav.solve.elimination_kernel import descended
 from fgnav.solve.failures import open_constant, open_state
-from fgnav.solve.marginals import Marginals
 
 # A pivot below this leaves a state open: sigma 1e6 m or rad, where the weakest prior has 1e3.
 # Rounding beside carrier phase (1e4 per metre) makes pivots of 1e-11 out of nothing.
 _LEAST_PIVOT = 1e-6
+
+
+class Marginals(NamedTuple):
+    """Covariances of m neighbouring keyframes, D dimensions each, and b constants."""
+
+    covariance: FloatArray  # (m, D, D)
+    cross: FloatArray  # (m, D, D), of each with the next; zero after the newest
+    constant: FloatArray  # (b, b)
+    constant_cross: FloatArray  # (m, D, b)
 
 
 class _Joint(NamedTuple):

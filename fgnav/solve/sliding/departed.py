@@ -11,7 +11,7 @@ from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States, joined
-from fgnav.solve.marginals import Marginals
+from fgnav.solve.elimination import Marginals
 from fgnav.solve.sliding.relinearisation import is_rough
 
 

@@ -11,39 +11,23 @@ from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
-def retracted(
-    at: States, steps: FloatArray, constant_steps: FloatArray, *, by_pose3: bool = False
-) -> States:
-    """Return the states a step away, (n, D) along their tangents and (b,).
-
-    ``by_pose3``: as ``gtsam.Pose3.retract`` moves, whose positions go by ``V(turn) dp`` instead of
-    ``dp`` [1]_.
-
-    References
-    ----------
-    .. [1] Barfoot, State Estimation for Robotics, 2nd edition, section 8.1.3.
-    """
-    R, p = _retracted(at.R_nb, at.p_n_m, steps, by_pose3)
+def retracted(at: States, steps: FloatArray, constant_steps: FloatArray) -> States:
+    """Return the states a step away, (n, D) along their tangents and (b,)."""
+    R, p = _retracted(at.R_nb, at.p_n_m, steps)
     v, aux = at.v_n_mps + steps[:, 6:9], at.aux + steps[:, 9:]
     return States(R, p, v, aux, at.constants + constant_steps)
 
 
 @kernel
 def _retracted(
-    R_nb: FloatArray, p_n_m: FloatArray, steps: FloatArray, by_pose3: bool
+    R_nb: FloatArray, p_n_m: FloatArray, steps: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return rotations and positions a step away, (n, 3, 3) and (n, 3)."""
     n = len(steps)
     R, p = np.empty((n, 3, 3)), np.empty((n, 3))
-    along: FloatArray = np.empty(3)
     for k in range(n):
-        turn = steps[k, :3]
-        for i in range(3):
-            along[i] = steps[k, 3 + i]
-        if by_pose3:
-            along = rot.times(rot.transposed(rot.right_jacobian(turn)), along)
-        rot.put(rot.product(R_nb[k], rot.exp(turn)), R[k])
-        moved = rot.times(R_nb[k], along)
+        rot.put(rot.product(R_nb[k], rot.exp(steps[k, :3])), R[k])
+        moved = rot.times(R_nb[k], steps[k, 3:6])
         for i in range(3):
             p[k, i] = p_n_m[k, i] + moved[i]
     return R, p
