@@ -16,9 +16,8 @@ from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem, pose_prior
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, States
 
-_GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
 _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
     of(0) for of in (keys.pose, keys.velocity, keys.imu_bias, keys.angular_motion)
 )
@@ -35,15 +34,13 @@ class Layout:
     @classmethod
     def of(cls, problem: Problem) -> "Layout":
         """Return the variables of a problem."""
-        aux = problem.motion.aux
-        gyroscope = aux == _GYROSCOPE_AUX
-        lasting = 0 if gyroscope else aux - 2 * _GYROSCOPE_AUX
-        return cls(gyroscope=gyroscope, constants=problem.constants, lasting=lasting)
+        lasting = 0 if problem.gyroscope else problem.motion.aux - 2 * GYROSCOPE_AUX
+        return cls(gyroscope=problem.gyroscope, constants=problem.constants, lasting=lasting)
 
     @property
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
-        return AUX + (_GYROSCOPE_AUX if self.gyroscope else 2 * _GYROSCOPE_AUX + self.lasting)
+        return AUX + (GYROSCOPE_AUX if self.gyroscope else 2 * GYROSCOPE_AUX + self.lasting)
 
     @property
     def constant_keys(self) -> list[int]:
@@ -55,9 +52,7 @@ class Layout:
         return _POSE | k, _VELOCITY | k, (_IMU_BIAS if self.gyroscope else _ANGULAR_MOTION) | k
 
 
-def insert_keyframe(
-    values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0
-) -> None:
+def insert_keyframe(values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0) -> None:
     """Add row ``row`` of states to the values, as keyframe k."""
     x, v, aux = layout.keyframe(k)
     values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
@@ -123,33 +118,27 @@ def sensor_factors(problem: Problem, row: int, k: int) -> Iterator[gtsam.Nonline
             yield sensor.factor(i, k)
 
 
-def keyframe_priors(problem: Problem, k: int = 0) -> list[gtsam.NonlinearFactor]:
+def keyframe_priors(problem: Problem) -> list[gtsam.NonlinearFactor]:
     """Build the priors of the first keyframe.
 
     Pose about where the search starts, velocity about zero, both hardly known; ``aux`` as the
     motion states it.
-
-    Parameters
-    ----------
-    problem : Problem
-    k : int
-        Number of that keyframe in the graph.
     """
     layout, (R_nb, P) = Layout.of(problem), pose_prior(problem)
-    x, v, _ = layout.keyframe(k)
+    x, v, _ = layout.keyframe(0)
     pose = gtsam.Pose3(gtsam.Rot3(R_nb), problem.start.p_n_m[0])
     gaussian = gtsam.noiseModel.Gaussian.Covariance
     return [
         gtsam.PriorFactorPose3(x, pose, gaussian(P[:6, :6])),
         gtsam.PriorFactorVector(v, np.zeros(3), gaussian(P[6:, 6:])),
-        _aux_prior(problem.motion, layout, k),
+        _aux_prior(problem.motion, layout),
     ]
 
 
-def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
+def _aux_prior(motion: Motion, layout: Layout) -> gtsam.NonlinearFactor:
     """Return ``rows @ (aux - mean, constants)``, white, as a linear factor."""
     mean, rows = motion.prior(layout.constants.width)
-    aux, n = layout.keyframe(k)[2], motion.aux
+    aux, n = layout.keyframe(0)[2], motion.aux
     point = gtsam.Values()
     point.insert(aux, as_bias(mean) if layout.gyroscope else mean)
     terms = [(aux, rows[:, :n])]

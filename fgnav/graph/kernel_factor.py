@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from fgnav.checks import FloatArray
 from fgnav.graph import keys as symbols
 from fgnav.graph.types.sensor import Sensor
-from fgnav.graph.types.states import AUX, POSITION, ROTATION, VELOCITY, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, POSITION, ROTATION, VELOCITY, States
 
 Use: TypeAlias = Literal["pose", "velocity", "imu_bias", "angular_motion"]
 _Read: TypeAlias = Callable[[gtsam.Values], None]
 
-_BIASES = 6  # dimensions of ``imu_bias``
 _SYMBOLS = {
     "pose": symbols.pose,
     "velocity": symbols.velocity,
@@ -96,7 +95,7 @@ def _one_state(values: gtsam.Values, variables: list[tuple[int, Use]], constants
     aux = 0
     for symbol, use in variables:
         if use in ("imu_bias", "angular_motion"):
-            aux = _BIASES if use == "imu_bias" else len(values.atVector(symbol))
+            aux = GYROSCOPE_AUX if use == "imu_bias" else len(values.atVector(symbol))
     return States(
         R_nb=np.zeros((1, 3, 3)),
         p_n_m=np.zeros((1, 3)),

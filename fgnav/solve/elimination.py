@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import gtsam
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX
-from fgnav.solve.elimination_kernel import descended
 from fgnav.solve.failures import open_constant, open_state
 
 # A pivot below this leaves a state open: sigma 1e6 m or rad, where the weakest prior has 1e3.
@@ -239,10 +239,11 @@ class Elimination:
         variables = list(one.keys())
         variables += [key for key in carried if key not in variables]
         rows = self._rows(after, variables[len(own) :])
-        return _Joint(
-            self._places(variables),
-            descended(np.ascontiguousarray(one.R()), np.ascontiguousarray(one.S()), after.P, rows),
-        )
+        inverse, S = dtrtri(one.R())[0], one.S()
+        others, gain = after.P[rows[:, None], rows], inverse @ S
+        cross = -gain @ others[: S.shape[1]]
+        frontal = inverse @ inverse.T - cross[:, : S.shape[1]] @ gain.T
+        return _Joint(self._places(variables), np.block([[frontal, cross], [cross.T, others]]))
 
     def _rows(self, joint: _Joint, variables: Sequence[int]) -> IntArray:
         """Return where variables stand in a covariance."""

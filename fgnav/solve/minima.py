@@ -82,11 +82,12 @@ def _about(states: States, solution: Solution) -> tuple[FloatArray, ...]:
     """Return second moments of a batch's solution about other states."""
     steps = states.steps_to(solution.states)
     moved = solution.states.constants - states.constants
-    cross = np.zeros((len(steps) - 1, *solution.covariance.shape[1:]))
+    cross = np.zeros_like(solution.covariance)
     cross += 0.0 if solution.cross is None else solution.cross
+    cross[:-1] += steps[:-1, :, None] * steps[1:, None, :]
     return (
         solution.covariance + steps[:, :, None] * steps[:, None, :],
-        cross + steps[:-1, :, None] * steps[1:, None, :],
+        cross,
         solution.constant_covariance + np.outer(moved, moved),
         solution.constant_cross + steps[:, :, None] * moved,
     )

@@ -23,7 +23,7 @@ References
    elimination, Manuscripta Geodaetica 11, 1986.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -38,7 +38,6 @@ from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.graph.types.parameters import Parameters
-from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
@@ -121,54 +120,15 @@ class AntennaPhase:
 
         return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
 
-    def linear(
-        self,
-        i: int,
-        key: int,
-        at: States,
-        place: int,
-        constants: Parameters,
-        arcs: Mapping[int, FloatArray] | None = None,
-    ) -> gtsam.JacobianFactor:
-        """Return the phases of epoch i linearised, of keyframe ``key`` that is row ``place``.
-
-        Where A is by ``arcs``, else at zero; ``constants`` are those of the states.
-        """
-        one, of_arcs = self.rows[i], keys.arcs(int(self.block[i]))
-        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], constants.column(LEVER_ARM)
-        pose[:3, :3], pose[:3, 3] = at.R_nb[place], at.p_n_m[place]
-        if lever >= 0:
-            arm_b_m = arm_b_m + at.constants[lever : lever + 3]
-        A = np.zeros(one.H.shape[1]) if arcs is None else arcs[of_arcs]
-        value, by_pose, by_lever = residual(pose, A, arm_b_m, *one)
-        terms = [(keys.pose(key), by_pose), (of_arcs, one.H)]
-        if lever >= 0:
-            terms.append((keys.constant(constants.first.index(lever)), by_lever))
-        return linear_factor(terms, -value)
-
-    def transition(
-        self, block: int, arcs: Mapping[int, FloatArray] | None = None
-    ) -> gtsam.JacobianFactor:
-        """Return the transition to the A of a block, from that before or from nothing.
-
-        Linearised where both are by ``arcs``, else at zero.
-        """
-        one = self.blocks[block - self.first_block]
+    def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
+        """Build the transition to the A of a block, from that before or from nothing."""
+        one, point = self.blocks[block - self.first_block], gtsam.Values()
         terms = [(keys.arcs(block), one.after)]
         if one.before.shape[1]:
             terms.append((keys.arcs(block - 1), -one.before))
-        if arcs is None:
-            return linear_factor(terms, one.right)
-        along = [A @ arcs[key] for key, A in terms]
-        return linear_factor(terms, one.right - np.sum(along, axis=0))
-
-    def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
-        """Build the transition to a block as a factor of GTSAM's nonlinear graphs."""
-        one, point = self.blocks[block - self.first_block], gtsam.Values()
-        point.insert(keys.arcs(block), np.zeros(one.size))
-        if one.before.shape[1]:
-            point.insert(keys.arcs(block - 1), np.zeros(one.before.shape[1]))
-        return gtsam.LinearContainerFactor(self.transition(block), point)
+        for key, A in terms:
+            point.insert(key, np.zeros(A.shape[1]))
+        return gtsam.LinearContainerFactor(linear_factor(terms, one.right), point)
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""

@@ -33,14 +33,13 @@ from fgnav.graph.types.motion import (
     LinearisedMotion,
     NoiseParts,
 )
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, States
 from fgnav.types.flight import Imu
 
 TURNED_RAD = 0.002  # bias times span beyond which the first-order correction errs: .02 sigma
 _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share their parameters
 _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
-_BIASES = 6
-_WIDTH = AUX + _BIASES
+_WIDTH = AUX + GYROSCOPE_AUX
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,7 +58,7 @@ class _Store:
     @classmethod
     def empty(cls, count: int) -> "_Store":
         """Return room for so many intervals."""
-        return cls(np.full((count, _BIASES), np.nan))
+        return cls(np.full((count, GYROSCOPE_AUX), np.nan))
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -99,14 +98,14 @@ class Inertial:
             "gravity_n_mps2": (n, 3),
             "accelerometer_noise": (n - 1,),
             "gyroscope_noise": (n - 1,),
-            "bias_steps": (n - 1, _BIASES),
+            "bias_steps": (n - 1, GYROSCOPE_AUX),
         }
         check_shapes("inertial", self, shapes)
 
     @property
     def aux(self) -> int:
         """Dimensions of ``States.aux``."""
-        return _BIASES
+        return GYROSCOPE_AUX
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,), between states, j of each."""
@@ -149,10 +148,10 @@ class Inertial:
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
         """Return mean, (6,), and whitening rows, (6, 6 + b), of the first keyframe's biases."""
-        imu, rows = self.imu, np.zeros((_BIASES, _BIASES + constants))
+        imu, rows = self.imu, np.zeros((GYROSCOPE_AUX, GYROSCOPE_AUX + constants))
         sigma = np.repeat([imu.accelerometer_bias_mps2, imu.gyroscope_bias_radps or np.inf], 3)
-        rows[range(_BIASES), range(_BIASES)] = 1 / sigma
-        return np.zeros(_BIASES), rows
+        rows[range(GYROSCOPE_AUX), range(GYROSCOPE_AUX)] = 1 / sigma
+        return np.zeros(GYROSCOPE_AUX), rows
 
     def factors(
         self, k: int, key_before: int, key_after: int, about: States
@@ -217,7 +216,7 @@ class Inertial:
         of_unit &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
         if self.bias_steps is not None:
             of_unit &= ~self.bias_steps[of].any(axis=1)
-        nothing = np.zeros(_BIASES)
+        nothing = np.zeros(GYROSCOPE_AUX)
         one_each = (
             (accelerometer**2, 0.0, nothing, 0.0),
             (0.0, gyroscope**2, nothing, 0.0),
@@ -262,7 +261,7 @@ class Inertial:
             about[k] = biases
             sums.pop(k, None)
         if k not in sums:
-            steps = np.zeros(_BIASES) if self.bias_steps is None else self.bias_steps[k]
+            steps = np.zeros(GYROSCOPE_AUX) if self.bias_steps is None else self.bias_steps[k]
             walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
             turning = self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0
             walks = np.repeat([walk**2, turning**2], 3) + steps

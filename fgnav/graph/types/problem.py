@@ -9,7 +9,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.sensor import Sensor
-from fgnav.graph.types.states import AUX, RATE, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, RATE, States
 
 if TYPE_CHECKING:
     from fgnav.graph.factors.antenna_phase import AntennaPhase
@@ -78,6 +78,11 @@ class Problem:
             aux = aux.copy()
             aux[:, _RATE] = self.start.aux[at, _RATE]
         return led._replace(R_nb=self.start.R_nb[at], aux=aux)
+
+    @property
+    def gyroscope(self) -> bool:
+        """True if the motion is that of a gyroscope."""
+        return self.motion.aux == GYROSCOPE_AUX
 
     @property
     def width(self) -> int:

@@ -3,32 +3,30 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import gtsam
 
 from fgnav import plugins
 from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import BadInputError, Unused
 from fgnav.graph import keys
+from fgnav.graph.custom import NamedFactor, named
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.parameters import Parameter
 from fgnav.types.flight import Flight
 
-if TYPE_CHECKING:
-    import gtsam
-
-    from fgnav.graph.custom import NamedFactor
-
 FACTORS = "fgnav.factors"  # entry points
 
-FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | NamedFactor]"]
+FactorSource = Callable[[Flight, Timeline], Iterable[gtsam.NonlinearFactor | NamedFactor]]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CustomFactors:
     """Custom factors, each with its name, and what their sources report."""
 
-    factors: "tuple[NamedFactor, ...]" = ()
+    factors: tuple[NamedFactor, ...] = ()
     unused: tuple[Unused, ...] = ()
     notes: tuple[str, ...] = ()
     networks: tuple[str, ...] = ()  # names of those that were asked
@@ -43,10 +41,8 @@ def custom_factors(
     """
     if not (sources or flight.networks):
         return prepared, CustomFactors()
-    from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
-
     problem, asking = prepared.problem, with_networks(sources, flight.networks)
-    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
+    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.gyroscope)
     made: list[NamedFactor] = []
     unused: list[Unused] = []
     notes: list[str] = []

@@ -19,7 +19,7 @@ def graph_summary(
     integers: Integers | None,
 ) -> GraphSummary:
     """Return the summary of a solved problem, its custom factors and integers."""
-    motion = "inertial" if problem.motion.aux == 6 else "gyro-free motion"
+    motion = "inertial" if problem.gyroscope else "gyro-free motion"
     factors = {motion: len(problem.t_s) - 1}
     measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
     for one in measured:

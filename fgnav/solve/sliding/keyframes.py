@@ -103,7 +103,7 @@ class Keyframes:
         self.values.insert(values)
         self._point.insert(values)
         if before is None:
-            for prior in (*keyframe_priors(problem, k), *constant_priors(problem.constants)):
+            for prior in (*keyframe_priors(problem), *constant_priors(problem.constants)):
                 self.add(prior, (k,))
         else:
             for moved in problem.motion.factors(row - 1, k - 1, k, before):

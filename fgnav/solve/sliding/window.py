@@ -11,19 +11,22 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph import keys
 from fgnav.graph.build import Layout
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.states import ROTATION, States
-from fgnav.solve.failures import in_words
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.solve.elimination import Marginals
-from fgnav.solve.sliding.departed import Departed, departed
+from fgnav.solve.failures import in_words
 from fgnav.solve.sliding.incremental import IncrementalSmoother
 from fgnav.solve.sliding.keyframes import Keyframes
 from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
+    is_rough,
     may_leave,
     moved_far,
     relaxed,
@@ -124,17 +127,17 @@ class FixedLag:
 
     def update(
         self, problem: Problem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
-    ) -> Departed | None:
+    ) -> Solution | None:
         """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
         leaving = self.advance(problem, row, custom)
         return self._estimates(leaving) if leaving else None
 
-    def latest(self) -> Departed:
+    def latest(self) -> Solution:
         """Return the newest keyframe, known from the data up to it and no further."""
         self._solve()
         return self._estimates(range(len(self._t_s) - 1, len(self._t_s)))
 
-    def flush(self) -> Departed:
+    def flush(self) -> Solution:
         """Return all keyframes that have not left, known from all data so far.
 
         Raises
@@ -289,18 +292,46 @@ class FixedLag:
         steps = self._steps[numbers.start - oldest : numbers.stop - oldest]
         return retracted(self._keyframes.states(numbers), steps, self._constant_steps)
 
-    def _estimates(self, numbers: range) -> Departed:
-        first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
-        marginals = self._keyframes.marginals(first, end)
+    def _estimates(self, numbers: range) -> Solution:
+        """Return present estimates of keyframes with their covariances."""
+        oldest = self._alive.oldest
+        steps = self._steps[numbers.start - oldest : numbers.stop - oldest]
+        marginals = self._keyframes.marginals(numbers.start - oldest, numbers.stop - oldest)
         self._turn_sigma_rad[numbers[-1]] = _turn_sigma_rad(marginals)
-        return departed(
-            np.array(self._t_s[numbers.start : numbers.stop]),
-            self._estimated(numbers),
-            self._steps[first:end],
-            marginals,
-            keep_linearisation=self._keep,
+        if self._keep:
+            marginals = _at_estimates(marginals, steps)
+        rough = is_rough(steps, marginals.covariance) & (not self._keep)
+        states, n = self._estimated(numbers), len(numbers)
+        return Solution(
+            states=states,
+            covariance=marginals.covariance,
+            cross=marginals.cross,
+            constant_covariance=np.tile(marginals.constant, (n, 1, 1)),
+            constant_cross=marginals.constant_cross,
+            converged=not rough.any(),
+            refused=rough,
+            constants=np.tile(states.constants, (n, 1)),
+            solver="gtsam.IncrementalFixedLagSmoother",
             updates=self._updates,
         )
+
+
+def _at_estimates(marginals: Marginals, steps: FloatArray) -> Marginals:
+    """Return covariances along the tangents of the estimates, not of where these are linearised.
+
+    ``Exp(s + e) = Exp(s) Exp(J_r(s) e)``: a step of a radian turns the axes by as much. That of the
+    keyframe after the last is not there: its axes are the last one's.
+    """
+    T = np.tile(np.eye(steps.shape[1]), (len(steps), 1, 1))
+    T[:, ROTATION, ROTATION] = [right_jacobian(turn) for turn in steps[:, ROTATION]]
+    T[:, POSITION, POSITION] = transpose(exp(steps[:, ROTATION]))
+    after = transpose(np.concatenate([T[1:], T[-1:]]))
+    return Marginals(
+        T @ marginals.covariance @ transpose(T),
+        T @ marginals.cross @ after,
+        marginals.constant,
+        T @ marginals.constant_cross,
+    )
 
 
 def _turn_sigma_rad(marginals: Marginals) -> float:
