@@ -4,7 +4,7 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 ``angular_motion(k)``; part i of the constants has ``constant(i)``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -79,31 +79,6 @@ def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> No
     """Add constants, (b,), to the values."""
     for key, part, first in _parts(layout.constants):
         values.insert(key, at[first : first + part])
-
-
-def insert_variables(
-    values: gtsam.Values,
-    layout: Layout,
-    variables: Iterable[int],
-    at: States,
-    rows: Mapping[int, int],
-) -> None:
-    """Add what factors touch: of keyframe k what stands in row ``rows[k]``, and constants."""
-    wanted = set(variables)
-    of_keyframes = {key for key in wanted if not keys.is_constant(key)}
-    for key, part, first in _parts(layout.constants) if of_keyframes != wanted else ():
-        if key in wanted:
-            values.insert(key, at.constants[first : first + part])
-    for key in of_keyframes:
-        k = keys.index(key)
-        row = rows[k]
-        x, v, _ = layout.keyframe(k)
-        if key == x:
-            values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
-        elif key == v:
-            values.insert(v, at.v_n_mps[row])
-        else:
-            values.insert(key, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
 
 
 def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:

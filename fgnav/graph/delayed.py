@@ -17,7 +17,7 @@ References
    Integrated Navigation Systems, 2nd edition, 2013, section 14.3.1 (synchronisation).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import gtsam
 import numpy as np
@@ -25,10 +25,10 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.kernel_factor import Use, sensor_factor
+from fgnav.graph.sensor_rows import WrappedSensor, rate_variables, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.parameters import Parameters
-from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
+from fgnav.graph.types.sensor import Linearised, Sensor
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 
@@ -53,32 +53,16 @@ class TimedMotion:
 
     def __post_init__(self) -> None:
         """Make the arrays as the kernel is compiled for."""
-        for name in (
-            "since_s",
-            "force_before_b_mps2",
-            "force_after_b_mps2",
-            "measured_b_radps",
-            "slope_b_radps2",
-            "gravity_n_mps2",
-            "earth_rate_n_radps",
-        ):
-            value = getattr(self, name)
+        for one in fields(self):
+            value = getattr(self, one.name)
             if value is not None and not value.flags.carray:
-                object.__setattr__(self, name, np.require(value, np.float64, ["C", "W"]))
+                object.__setattr__(self, one.name, np.require(value, value.dtype, ["C", "W"]))
 
     def at(self, row: IntArray) -> "TimedMotion":
         """Select keyframes, (k,)."""
-        rate, slope = self.measured_b_radps, self.slope_b_radps2
-        return replace(
-            self,
-            since_s=self.since_s[row],
-            force_before_b_mps2=self.force_before_b_mps2[row],
-            force_after_b_mps2=self.force_after_b_mps2[row],
-            led=self.led[row],
-            measured_b_radps=None if rate is None else rate[row],
-            slope_b_radps2=None if slope is None else slope[row],
-            gravity_n_mps2=self.gravity_n_mps2[row],
-        )
+        given = {one.name: getattr(self, one.name) for one in fields(self)}
+        del given["earth_rate_n_radps"]
+        return replace(self, **{name: v[row] for name, v in given.items() if v is not None})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -110,8 +94,7 @@ class Delayed(WrappedSensor):
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
-        vector: Use = "angular_motion" if self.motion.measured_b_radps is None else "imu_bias"
-        return sensor_factor(self, i, key, ("pose", "velocity", vector))
+        return sensor_factor(self, i, key, rate_variables(self.motion.measured_b_radps))
 
 
 def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters) -> Solution:

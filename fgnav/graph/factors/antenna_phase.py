@@ -53,11 +53,9 @@ class PhaseRows(NamedTuple):
 
         Of fewer than three rows none is left.
         """
-        m, d = self.H.shape
-        rows = np.empty((m, d + 4))
-        rows[:, :3], rows[:, 3:-1], rows[:, -1] = self
-        _eliminate_place(rows)
-        return rows[3:, 3:-1], rows[3:, -1]
+        Q, _ = np.linalg.qr(self.G, mode="complete")
+        left = Q[:, 3:].T
+        return left @ self.H, left @ self.z
 
 
 class ArcBlock(NamedTuple):
@@ -177,28 +175,3 @@ def residual(
             total += H[i, j] * arcs[j]
         value[i] = total
     return value, by_pose, turned
-
-
-@kernel
-def _eliminate_place(rows: FloatArray) -> None:
-    """Turn rows, (m, d + 4), by reflections, in place: but three lose their first three columns."""
-    m, width = rows.shape
-    common = np.empty(width)
-    for k in range(min(3, m)):
-        squared = 0.0
-        for i in range(k, m):
-            squared += rows[i, k] ** 2
-        if squared == 0.0:
-            continue
-        norm = np.sqrt(squared) if rows[k, k] > 0 else -np.sqrt(squared)
-        scale = 1 / (norm * (rows[k, k] + norm))
-        rows[k, k] += norm
-        common[:] = 0.0
-        for i in range(k, m):
-            for j in range(k + 1, width):
-                common[j] += rows[i, k] * rows[i, j]
-        for i in range(k, m):
-            share = scale * rows[i, k]
-            for j in range(k + 1, width):
-                rows[i, j] -= share * common[j]
-        rows[k, k] = -norm

@@ -20,9 +20,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
-from fgnav.graph.kernel_factor import Use, sensor_factor
+from fgnav.graph.sensor_rows import SensorRows, Use, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 

@@ -13,13 +13,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 _LEVEL = 1e-6  # square of the level part of a baseline over its own, below which it has no heading
@@ -61,7 +60,3 @@ class BaselineVector(SensorRows):
             state[:, :, ROTATION] = white @ by_turn
             value = np.einsum("kij,kj->ki", white, v_n - z_n)
         return Linearised(value, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return baseline i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose",))

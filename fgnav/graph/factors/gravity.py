@@ -12,8 +12,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.factors.directions import native, seen
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, sensor_factor
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 TILT = "gravity"  # the constant t, about x_b and y_b

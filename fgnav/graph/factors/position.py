@@ -18,9 +18,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.kernel_factor import sensor_factor
+from fgnav.graph.sensor_rows import SensorRows, Shapes, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 

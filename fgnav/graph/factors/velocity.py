@@ -20,9 +20,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.kernel_factor import Use, sensor_factor
+from fgnav.graph.sensor_rows import SensorRows, Shapes, rate_variables, sensor_factor
 from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -75,8 +75,7 @@ class Velocity(SensorRows):
         if self.constants.column(LEVER_ARM) < 0 and not self.arm_b_m.any():
             noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
             return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
-        aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
-        return sensor_factor(self, i, key, ("pose", "velocity", aux))
+        return sensor_factor(self, i, key, rate_variables(self.measured_b_radps))
 
 
 @kernel
