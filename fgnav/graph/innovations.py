@@ -20,7 +20,7 @@ from scipy.special import chdtr, chdtri
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
 from fgnav.graph.build import Layout, insert_constants, insert_keyframe
-from fgnav.graph.custom import NamedFactor
+from fgnav.graph.custom import NamedFactor, touched_keyframes
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
 from fgnav.graph.innovation.place_by_code import place_innovation
 from fgnav.graph.types.problem import Problem
@@ -218,7 +218,7 @@ def _evaluated(
 ) -> _Evaluated:
     """Linearise a custom factor at a solution."""
     involved = list(factor.keys())
-    rows = tuple(sorted({keys.index(key) - first for key in involved if not keys.is_constant(key)}))
+    rows = tuple(k - first for k in touched_keyframes(factor))
     values, constants = gtsam.Values(), solution.states.constants
     if rows and solution.constants is not None:
         constants = solution.constants[rows[-1]]

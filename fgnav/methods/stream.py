@@ -10,7 +10,7 @@ import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, unused_of
 from fgnav.graph.build import Layout
-from fgnav.graph.custom import NamedFactor, named, newest_keyframe, oldest_keyframe
+from fgnav.graph.custom import NamedFactor, named, touched_keyframes
 from fgnav.graph.innovations import custom_innovations
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
@@ -223,9 +223,9 @@ class Stream:
         """
         first, leaving = self._count - len(self._kept), []
         end = first + len(t_s)
-        while self._judged and newest_keyframe(self._judged[0].factor) < end:
+        while self._judged and touched_keyframes(self._judged[0].factor)[-1] < end:
             leaving.append(self._judged.popleft())
-        alone = [one for one in leaving if oldest_keyframe(one.factor) >= first]
+        alone = [one for one in leaving if touched_keyframes(one.factor)[0] >= first]
         series = custom_innovations(alone, Layout.of(problem), t_s, known, first)
         return tuple(one.summary for one in series)
 

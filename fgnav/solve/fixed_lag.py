@@ -77,7 +77,6 @@ def solve_forward(
     lag_s: float,
     *,
     custom: Sequence[Custom] = (),
-    keep_linearisation: bool = False,
     opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to it: what a filter estimates.
@@ -86,7 +85,7 @@ def solve_forward(
     """
 
     def newest(of: Problem, end: int) -> Iterator[Solution | None]:
-        window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
+        window = FixedLag(lag_s, 0.0)
         entering = CustomFactors(custom, of)
         for row in steps(end):
             window.advance(of, row, entering.at(row, window.oldest))

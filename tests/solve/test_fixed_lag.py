@@ -120,8 +120,9 @@ def test_kept_linearisation_stays_at_the_start() -> None:
     window = FixedLag(10.0, keep_linearisation=True)
     for row in range(len(problem.t_s)):
         window.update(problem, row)
-    assert window.flush().converged
-    assert window.updates == 3  # one at each second, none to relinearise
+    known = window.flush()
+    assert known.converged
+    assert known.updates == 3  # one at each second, none to relinearise
 
 
 def test_a_factor_of_ones_own_enters_with_its_last_keyframe() -> None:
@@ -160,7 +161,9 @@ def test_a_constant_that_all_keyframes_meet_has_no_more_eliminated_anew(
     counts = []
     for factors in ((), own):
         eliminated.clear()
-        solve_forward(problem, 2.0, custom=factors, keep_linearisation=True)
+        window = FixedLag(2.0, 0.0, keep_linearisation=True)
+        for row in range(len(problem.t_s)):
+            window.update(problem, row, [one.factor for one in factors[row : row + 1]])
         counts.append(max(eliminated[len(eliminated) // 2 :]))  # of 20 to 30 keyframes
     # A new keyframe, and what is eliminated anew, counted twice: two keyframes and the constants.
     old = 2 * 3 + len(problem.constants.parts)

@@ -13,8 +13,8 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, transpose
-from fgnav.graph import keys
 from fgnav.graph.build import Layout
+from fgnav.graph.custom import touched_keyframes
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import POSITION, ROTATION, States
@@ -76,11 +76,6 @@ class FixedLag:
     def __len__(self) -> int:
         """Return the number of keyframes in the window."""
         return len(self._t_s) - self._departed
-
-    @property
-    def updates(self) -> int:
-        """Updates of GTSAM's smoother so far."""
-        return self._updates
 
     @property
     def isam2(self) -> gtsam.ISAM2:
@@ -170,9 +165,7 @@ class FixedLag:
             self._attitude_s = self._t_s[-1]
 
     def _enter_custom(self, factor: gtsam.NonlinearFactor) -> None:
-        constants = self._keyframes.layout.constant_keys
-        touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
-        numbers = sorted(touched) or [len(self._t_s) - 1]
+        numbers = touched_keyframes(factor) or [len(self._t_s) - 1]
         self._keyframes.add(factor, numbers)
         if len(numbers) > 1:
             self._alive.is_chain = False
