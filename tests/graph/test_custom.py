@@ -134,13 +134,6 @@ def test_what_is_wrong_with_a_factor_arrives_in_one_line(solver, residual, jacob
     assert "\n" not in str(raised.value)
 
 
-@pytest.mark.parametrize(("residual", "jacobian", "text"), WRONG)
-def test_what_is_wrong_with_a_factor_is_seen_before_gtsam_sees_it(residual, jacobian, text):
-    own = residual_factor("wheels", [V0], residual, np.ones(3), jacobian=jacobian)
-    with pytest.raises(BadInputError, match=text):
-        check_factor(own, values())
-
-
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("good", [2, 3, 5])
 def test_an_error_while_a_solver_is_under_way_arrives_too(solver, good):

@@ -74,16 +74,6 @@ def test_constants_of_two_sizes_change_nothing() -> None:
     np.testing.assert_allclose(two.constant_cross[:, :, 3], 0.0, atol=1e-9)
 
 
-def test_a_stream_of_pairs_is_the_whole_flight() -> None:
-    problem, _ = flight(3.0)
-    whole, stream = solve_fixed_lag(problem, 1.0), FixedLag(1.0)
-    parts = [stream.update(part(problem, 0, 1), 0)]
-    parts += [stream.update(part(problem, k - 1, k), 1) for k in range(1, len(problem.t_s))]
-    parts.append(stream.flush())
-    R = np.concatenate([p.states.R_nb for p in parts if p is not None])
-    np.testing.assert_allclose(R, whole.states.R_nb, atol=1e-4)  # 0.006 degrees
-
-
 def test_keyframes_a_second_apart_are_relinearised_at_once() -> None:
     problem, _ = flight(8.0, every=10)
     window, batch = solve_fixed_lag(problem, 20.0), solve_batch(problem)
