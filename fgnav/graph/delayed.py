@@ -34,6 +34,7 @@ from fgnav.graph.types.states import States
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
 _NO_GYROSCOPE = np.empty((0, 3))
+PPM = 1e-6
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -80,17 +81,13 @@ class Delayed(WrappedSensor):
 
     def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Sensor``."""
-        at, indices = contiguous(at, indices)
-        offset, rate, delay = map(self.constants.column, self.times)
-        columns = offset, rate, delay
-        values = (
-            at.constants[None] if len(indices) == 1 else np.tile(at.constants, (len(indices), 1))
+        later_s, by_constant = _delays(
+            self.constants, self.times, at.constants, self.motion.since_s[indices]
         )
-        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, indices)
-        moved, Phi, by_time = _carried(at, indices, later_s, self.motion)
+        moved, Phi, by_time = _carried(*contiguous(at, indices), later_s, self.motion)
         value, state, shared = self.measurement.linearise(moved, indices)
-        of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
-        return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, by_time, by_constant))
+        by_delay = np.einsum("kmd,kd->km", state, by_time)[:, :, None]
+        return Linearised(value, state @ Phi, shared + by_delay * by_constant[:, None])
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
@@ -102,16 +99,13 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
 
     Both are the same where no clock is among the constants.
     """
-    offset, rate = (constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE))
-    if offset < 0:
+    if constants.column(CLOCK_OFFSET) < 0:
         return solution
     at = solution.states
-    values = np.tile(at.constants, (len(at.R_nb), 1))
-    if solution.constants is not None:
-        values = np.ascontiguousarray(solution.constants)
-    columns, rows = (offset, rate, -1), np.arange(len(values))
-    later_s, by_constant = delayed_kernel.later(values, columns, motion.since_s, rows)
-    moved, Phi, by_time = _carried(*contiguous(at, rows), later_s, motion)
+    values = at.constants if solution.constants is None else solution.constants
+    times = CLOCK_OFFSET, CLOCK_RATE, ""
+    later_s, by_constant = _delays(constants, times, values, motion.since_s)
+    moved, Phi, by_time = _carried(*contiguous(at, np.arange(len(later_s))), later_s, motion)
     B = by_time[:, :, None] * by_constant[:, None, :]
     X, S = solution.constant_cross, solution.constant_covariance
     cross = Phi @ X @ transpose(B)
@@ -125,6 +119,28 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
         cross=None,
         constant_cross=Phi @ X + B @ S,
     )
+
+
+def _delays(
+    constants: Parameters, times: tuple[str, str, str], values: FloatArray, since_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Compute how much later j states are, (j,), and the derivatives by the constants, (j, b).
+
+    Parameters
+    ----------
+    constants : Parameters
+    times : tuple of str
+        Names of the clock's offset, its rate, and a delay; none of those that are not estimated.
+    values : ndarray, shape (b,) or (j, b)
+    since_s : ndarray, shape (j,)
+        From the time at which the offset holds.
+    """
+    by_constant = np.zeros((len(since_s), constants.width))
+    slopes = np.stack([-np.ones(len(since_s)), -PPM * since_s, -np.ones(len(since_s))])
+    for name, slope in zip(times, slopes, strict=True):
+        if (column := constants.column(name)) >= 0:
+            by_constant[:, column] = slope
+    return (by_constant * values).sum(axis=1), by_constant
 
 
 def _carried(

@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import gtsam
-
 from fgnav.checks import Unused
 from fgnav.graph.custom import NamedFactor
 
@@ -13,10 +11,11 @@ from fgnav.graph.custom import NamedFactor
 class Sourced:
     """Factors, and what the estimate reports of those that are left out."""
 
-    factors: tuple[gtsam.NonlinearFactor | NamedFactor, ...] = ()
+    factors: tuple[NamedFactor, ...] = ()
     unused: tuple[Unused, ...] = ()  # answers that are left out, with the reason
     notes: tuple[str, ...] = ()  # what a reader of the result should know, one sentence each
+    networks: tuple[str, ...] = ()  # names of those that were asked
 
-    def __iter__(self) -> Iterator[gtsam.NonlinearFactor | NamedFactor]:
+    def __iter__(self) -> Iterator[NamedFactor]:
         """Yield the factors."""
         return iter(self.factors)

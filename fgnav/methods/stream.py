@@ -22,7 +22,7 @@ from fgnav.methods.smoothing.calibration_report import calibrated_parameters
 from fgnav.methods.smoothing.concatenation import no_keyframes
 from fgnav.methods.smoothing.custom_sources import custom_constants, with_networks, with_timelines
 from fgnav.methods.smoothing.estimates import stated
-from fgnav.methods.streaming.keyframe import Before, keyframe_problem
+from fgnav.methods.streaming.keyframe import keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamConfig
 from fgnav.solve.custom_factors import entering_stream
 from fgnav.solve.sliding.window import FixedLag
@@ -153,10 +153,9 @@ class Stream:
             given = getattr(measurements, name) is not None
             if given and getattr(self._config, needed) is None:
                 raise BadInputError(f"measurements {name}: the set-up has no {needed}")
-        before = None
-        if self._count:
-            before = Before(self._last_s, self._window.latest().states.p_n_m[0])
-        problem = keyframe_problem(measurements, self._config, before).with_constants(self._asked)
+        p_n_m = self._window.latest().states.p_n_m[0] if self._count else None
+        problem = keyframe_problem(measurements, self._config, self._last_s, p_n_m)
+        problem = problem.with_constants(self._asked)
         custom = self._custom(measurements, problem)
         known = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
         self._latest, self._last_s = problem, measurements.t_s

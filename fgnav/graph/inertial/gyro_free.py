@@ -26,7 +26,6 @@ References
 
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -213,9 +212,22 @@ class GyroFree:
         del about
         symbols = (keys.pose, keys.velocity, keys.angular_motion)
         names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
-        names.append(keys.constant(self.constants.first.index(self.mean_rate.start)))
-        error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
-        return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
+        mean = keys.constant(self.constants.first.index(self.mean_rate.start))
+        intervals, index, buffer = self._intervals, np.array([k]), self._buffer
+
+        def error(
+            _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
+        ) -> NDArray[np.float64]:
+            _read(buffer.before, values, names[:3])
+            _read(buffer.after, values, names[3:])
+            buffer.mean[:] = values.atVector(mean)
+            kernel.linearise(index, intervals, buffer.before, buffer.after, buffer.mean, buffer.out)
+            if H is not None:
+                for i, block in enumerate(buffer.blocks):
+                    H[i] = block
+            return np.array(buffer.out.value[0, :, 0], dtype=np.float64)
+
+        return (gtsam.CustomFactor(_unit(ROWS + self._lasting), [*names, mean], error),)
 
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
@@ -264,40 +276,11 @@ class _Buffer:
         return cls(before, after, np.empty(3), out, (*blocks, out.by_mean[0]))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _IntervalError:
-    """Error function of one interval, which GTSAM calls, with derivatives by each key."""
-
-    intervals: Intervals
-    indices: IntArray  # (1,)
-    names: tuple[int, ...]
-    buffer: _Buffer
-
-    def __call__(
-        self,
-        factor: gtsam.CustomFactor,  # noqa: ARG002
-        values: gtsam.Values,
-        jacobians: Any | None,  # noqa: ANN401  # gtsam.JacobianVector
-    ) -> NDArray[np.float64]:
-        """Return the whitened residual, (D,); fill derivatives where they are asked for."""
-        room, names = self.buffer, self.names
-        _read(room.before, values, names[0], names[1], names[2])
-        _read(room.after, values, names[3], names[4], names[5])
-        room.mean[:] = values.atVector(names[6])
-        kernel.linearise(self.indices, self.intervals, room.before, room.after, room.mean, room.out)
-        if jacobians is not None:
-            for i, block in enumerate(room.blocks):
-                jacobians[i] = block
-        return np.array(room.out.value[0, :, 0], dtype=np.float64)
-
-
-def _read(into: Rows, values: gtsam.Values, pose: int, velocity: int, vector: int) -> None:
+def _read(into: Rows, values: gtsam.Values, names: list[int]) -> None:
     """Copy a keyframe's variables into a row."""
-    matrix = values.atPose3(pose).matrix()
-    into.R_nb[0] = matrix[:3, :3]
-    into.p_n_m[0] = matrix[:3, 3]
-    into.v_n_mps[0] = values.atVector(velocity)
-    into.aux[0] = values.atVector(vector)
+    matrix = values.atPose3(names[0]).matrix()
+    into.R_nb[0], into.p_n_m[0] = matrix[:3, :3], matrix[:3, 3]
+    into.v_n_mps[0], into.aux[0] = values.atVector(names[1]), values.atVector(names[2])
 
 
 def _room(j: int, lasting: int) -> Filled:

@@ -2,10 +2,10 @@
 
 from collections import Counter
 
+from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.integers.acceptance import HANDED_OVER
-from fgnav.methods.smoothing.custom_sources import CustomFactors
 from fgnav.types.estimate import GraphSummary
 from fgnav.types.integers import Integers
 
@@ -14,7 +14,7 @@ TRUST = "trust"  # the network of integers
 
 def graph_summary(
     problem: Problem,
-    sourced: CustomFactors,
+    sourced: Sourced,
     solution: Solution,
     integers: Integers | None,
 ) -> GraphSummary:

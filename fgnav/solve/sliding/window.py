@@ -32,7 +32,6 @@ from fgnav.solve.sliding.relinearisation import (
     relaxed,
     repeats_at,
 )
-from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
 
@@ -283,7 +282,7 @@ class FixedLag:
         """Return the present estimates of keyframes and constants."""
         oldest = self._keyframes.oldest
         steps = self._steps[numbers.start - oldest : numbers.stop - oldest]
-        return retracted(self._keyframes.states(numbers), steps, self._constant_steps)
+        return self._keyframes.states(numbers).moved(steps, self._constant_steps)
 
     def _estimates(self, numbers: range) -> Solution:
         """Return present estimates of keyframes with their covariances."""
