@@ -258,21 +258,20 @@ class Smoother:
     ) -> Estimate:
         prepared, sourced = custom_factors(sources, flight, prepared)
         custom = sourced.factors
-        if custom:
-            prepared = with_custom_heading(prepared, custom)
-        solution = self._solve(prepared, custom)
+        prepared = with_custom_heading(prepared, custom)
+        problem, solution = prepared.problem, self._solve(prepared, custom)
         series = (
-            *innovation_series(prepared.problem, solution),
-            *_custom_series(custom, prepared, solution),
+            *innovation_series(problem, solution),
+            *custom_innovations(custom, Layout.of(problem), problem.t_s, solution),
             *_force_series(flight, prepared),
         )
         estimate = estimate_of(self.name, prepared, solution, rows)
-        t_s = prepared.problem.t_s
+        span_s = float(problem.t_s[0]), float(problem.t_s[-1])
         return replace(
             estimate,
             consistency=tuple(one.summary for one in series),
-            verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
-            graph=graph_summary(prepared.problem, sourced, solution, prepared.integers),
+            verdicts=judge(series, prepared.implausible, span_s),
+            graph=graph_summary(problem, sourced, solution, prepared.integers),
             unused=(*estimate.unused, *sourced.unused),
             notes=(*estimate.notes, *sourced.notes),
         )
@@ -353,12 +352,3 @@ def _identified(flight: Flight, settings: ProblemSettings, build: Build) -> Prep
         implausible=implausible(flight, result),
         notes=(*prepared.notes, *notes, *noise_notes(flight, result)),
     )
-
-
-def _custom_series(
-    custom: tuple[NamedFactor, ...], prepared: PreparedFlight, solution: Solution
-) -> tuple[InnovationSeries, ...]:
-    if not custom:
-        return ()
-    problem = prepared.problem
-    return custom_innovations(custom, Layout.of(problem), problem.t_s, solution)

@@ -113,8 +113,8 @@ class Stream:
         >>> import fgnav
         >>> flight = fgnav.load_flight("demo/flight")
         >>> estimates = fgnav.Stream.replay(flight, fgnav.Forward(noise="nominal"))
-        >>> known = (estimate for estimate in estimates if len(estimate.t_s))
-        >>> len(next(known).t_s), len(next(known).t_s)  # the first wait for a rate prior
+        >>> solution = (estimate for estimate in estimates if len(estimate.t_s))
+        >>> len(next(solution).t_s), len(next(solution).t_s)  # the first wait for a rate prior
         (5, 1)
         """
         return ObservationStream.replay(flight, method)
@@ -157,12 +157,12 @@ class Stream:
         problem = keyframe_problem(measurements, self._config, self._last_s, p_n_m)
         problem = problem.with_constants(self._asked)
         custom = self._custom(measurements, problem)
-        known = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
+        solution = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
         self._latest, self._last_s = problem, measurements.t_s
         self._count += 1
         rates = problem.motion.rates_b_radps(problem.t_s[-1:], np.zeros_like(problem.start.aux[:1]))
         self._kept.append((measurements.t_s, rates[0]))
-        estimate = self._leaving(known)
+        estimate = self._leaving(solution)
         for _ in estimate.t_s:
             self._kept.popleft()
         return estimate
@@ -203,18 +203,18 @@ class Stream:
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
 
-    def _leaving(self, known: Solution | None) -> Estimate:
+    def _leaving(self, solution: Solution | None) -> Estimate:
         """Return the oldest keyframes, which leave."""
-        if known is None or self._latest is None:
+        if solution is None or self._latest is None:
             return no_keyframes(_METHOD)
-        estimate = self._estimate(known, [*islice(self._kept, len(known.covariance))])
+        estimate = self._estimate(solution, [*islice(self._kept, len(solution.covariance))])
         unused = unused_of(self._unused)
         self._unused.clear()
-        tests = self._custom_tests(self._latest, known, estimate.t_s)
+        tests = self._custom_tests(self._latest, solution, estimate.t_s)
         return replace(estimate, unused=unused, consistency=tests)
 
     def _custom_tests(
-        self, problem: Problem, known: Solution, t_s: FloatArray
+        self, problem: Problem, solution: Solution, t_s: FloatArray
     ) -> tuple[Consistency, ...]:
         """Return the tests of custom factors that leave with keyframes.
 
@@ -225,15 +225,15 @@ class Stream:
         while self._judged and touched_keyframes(self._judged[0].factor)[-1] < end:
             leaving.append(self._judged.popleft())
         alone = [one for one in leaving if touched_keyframes(one.factor)[0] >= first]
-        series = custom_innovations(alone, Layout.of(problem), t_s, known, first)
+        series = custom_innovations(alone, Layout.of(problem), t_s, solution, first)
         return tuple(one.summary for one in series)
 
-    def _estimate(self, known: Solution, kept: list[tuple[float, FloatArray]]) -> Estimate:
+    def _estimate(self, solution: Solution, kept: list[tuple[float, FloatArray]]) -> Estimate:
         """Return keyframes by their times and measured rates."""
         if self._latest is None:
             return no_keyframes(_METHOD)
-        problem, vectors = self._latest, known.states.aux[:, 3:6]
+        problem, vectors = self._latest, solution.states.aux[:, 3:6]
         t_s, measured = (np.array(values) for values in zip(*kept, strict=True))
         rates = measured - vectors if problem.gyroscope else vectors
-        constants = calibrated_parameters(problem.constants, known)
-        return replace(stated(_METHOD, problem, known, t_s, rates), calibration=constants)
+        constants = calibrated_parameters(problem.constants, solution)
+        return replace(stated(_METHOD, problem, solution, t_s, rates), calibration=constants)

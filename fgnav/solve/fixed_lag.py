@@ -115,16 +115,16 @@ def joined_solution(parts: Iterable[Solution], count: int) -> Solution:
 
     Each part is copied as it comes, and none is kept.
     """
-    whole, end = list[np.ndarray](), 0
+    joined, end = list[np.ndarray](), 0
     for part in parts:
         arrays = [*part.states[:4], *(getattr(part, name) for name in _BY_KEYFRAME)]
-        whole = whole or [np.empty((count, *one.shape[1:]), one.dtype) for one in arrays]
+        joined = joined or [np.empty((count, *one.shape[1:]), one.dtype) for one in arrays]
         begin, end = end, end + len(arrays[0])
-        for of, one in zip(whole, arrays, strict=True):
+        for of, one in zip(joined, arrays, strict=True):
             of[begin:end] = one
-    states = States._make((*whole[:4], part.states.constants))
-    joined: dict[str, Any] = dict(zip(_BY_KEYFRAME, whole[4:], strict=True))
-    return replace(part, states=states, converged=not joined["refused"].any(), **joined)
+    states = States._make((*joined[:4], part.states.constants))
+    fields: dict[str, Any] = dict(zip(_BY_KEYFRAME, joined[4:], strict=True))
+    return replace(part, states=states, converged=not fields["refused"].any(), **fields)
 
 
 def _opened(
@@ -136,12 +136,12 @@ def _opened(
 
     ``leaving`` yields what leaves with each of a problem's first keyframes, and what is left.
     """
-    known = 0
+    count = 0
     if opening is not None:
         for part in leaving(opening.problem, opening.keyframes):
-            known += 1
+            count += 1
             if part is not None:
                 yield with_open_heading(part, opening)
-    if known < len(problem.t_s):
-        later = islice(leaving(problem, len(problem.t_s)), known, None)
+    if count < len(problem.t_s):
+        later = islice(leaving(problem, len(problem.t_s)), count, None)
         yield from (part for part in later if part is not None)

@@ -12,7 +12,6 @@ References
    group approach, IEEE RA-L 10, 2025.
 """
 
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import cast
@@ -88,11 +87,6 @@ class Inertial:
         """
         if self.imu.w_b_radps is None:
             raise BadInputError("inertial motion: the imu has no gyroscope")
-        self._check_shapes()
-        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store.empty(len(self.t_s) - 1))
-
-    def _check_shapes(self) -> None:
         n = len(self.t_s)
         shapes = {
             "gravity_n_mps2": (n, 3),
@@ -101,6 +95,8 @@ class Inertial:
             "bias_steps": (n - 1, GYROSCOPE_AUX),
         }
         check_shapes("inertial", self, shapes)
+        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
+        object.__setattr__(self, "_store", _Store.empty(n - 1))
 
     @property
     def aux(self) -> int:
@@ -169,15 +165,11 @@ class Inertial:
         BadInputError
             If what is added has another shape.
         """
-        louder = copy(self)  # its samples are cut already
-        for name, noise in (
-            ("accelerometer_noise", self.accelerometer_noise + accelerometer_density),
-            ("gyroscope_noise", self.gyroscope_noise + gyroscope_density),
-            ("_store", _Store.empty(len(self.t_s) - 1)),
-        ):
-            object.__setattr__(louder, name, noise)
-        louder._check_shapes()
-        return louder
+        return replace(
+            self,
+            accelerometer_noise=self.accelerometer_noise + accelerometer_density,
+            gyroscope_noise=self.gyroscope_noise + gyroscope_density,
+        )
 
     def at_times(self, t_s: FloatArray) -> "Inertial":
         """Build the motion between other keyframes, (m,), the present ones among them.
@@ -277,7 +269,7 @@ class Inertial:
         most: int | None = None,
     ) -> gtsam.PreintegratedCombinedMeasurementsG:
         """Return interval k summed up about biases, (6,); by ``most`` of its sub-steps or fewer."""
-        _, (step_s,), f_b, w_b = self._increments.of(np.array([k]), most)
+        step_s, f_b, w_b = self._increments.interval(k, most)
         made = gtsam.PreintegratedCombinedMeasurementsG(parameters, as_bias(biases))
         for f, w in zip(f_b, w_b, strict=True):
             made.integrateMeasurement(f, w, step_s)

@@ -36,8 +36,8 @@ def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
         H, z = phase.rows[i].without_place()
         root, squared[i] = _updated(root, np.column_stack([H, z]))
         is_full = rank == len(root) - 1  # nothing is open to tell
-        known, rank = rank, rank if is_full else _rank(root)
-        freedom[i] = len(z) + known - rank
+        previous, rank = rank, rank if is_full else _rank(root)
+        freedom[i] = len(z) + previous - rank
     return squared, freedom
 
 

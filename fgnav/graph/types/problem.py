@@ -44,7 +44,7 @@ class Problem:
     t_s : ndarray, shape (n,)
         Keyframes.
     start : States
-        Where the search starts; its constants are those of ``constants.start``.
+        Where the search starts, with the constants.
     motion : Motion
     sensors : tuple of Sensor
     constants : Parameters
@@ -88,11 +88,6 @@ class Problem:
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
         return self.start.width
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Keyframes, and constants of the flight: what states of a search are to agree in."""
-        return len(self.t_s), self.constants.width
 
     def with_constants(self, parts: tuple[Parameter, ...]) -> "Problem":
         """Append constants, for sensors and phases."""

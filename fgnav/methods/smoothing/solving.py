@@ -95,7 +95,6 @@ def _at_batch(
     problem = replace(
         end.problem,
         start=states,
-        constants=end.problem.constants.started_at(states.constants),
         attitude_known=np.ones_like(end.problem.attitude_known),
     )
     return problem, end.added

@@ -90,7 +90,7 @@ class Keyframes:
         if before is None:
             self.layout = Layout.of(problem)
             self._eliminated = Elimination(self.layout, self.t_s.__getitem__)
-            insert_constants(values, self.layout, problem.constants.start)
+            insert_constants(values, self.layout, problem.start.constants)
         insert_keyframe(values, self.layout, k, at)
         self.t_s.append(float(problem.t_s[row]))
         self._gravity_n_mps2.append(problem.motion.gravity_n_mps2[row])
