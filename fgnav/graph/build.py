@@ -29,18 +29,18 @@ class Layout:
 
     gyroscope: bool
     constants: Parameters
-    lasting: int = 0  # dimensions of the array's lasting error, at the end of the angular motion
+    correlated: int = 0  # dimensions of the array's correlated error, last of the angular motion
 
     @classmethod
     def of(cls, problem: Problem) -> "Layout":
         """Return the variables of a problem."""
-        lasting = 0 if problem.gyroscope else problem.motion.aux - 2 * GYROSCOPE_AUX
-        return cls(gyroscope=problem.gyroscope, constants=problem.constants, lasting=lasting)
+        correlated = 0 if problem.gyroscope else problem.motion.aux - 2 * GYROSCOPE_AUX
+        return cls(gyroscope=problem.gyroscope, constants=problem.constants, correlated=correlated)
 
     @property
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
-        return AUX + (GYROSCOPE_AUX if self.gyroscope else 2 * GYROSCOPE_AUX + self.lasting)
+        return AUX + (GYROSCOPE_AUX if self.gyroscope else 2 * GYROSCOPE_AUX + self.correlated)
 
     @property
     def constant_keys(self) -> list[int]:

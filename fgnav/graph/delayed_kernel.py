@@ -65,7 +65,7 @@ def carried(
         later, by_force = rot.product(R, turn), rot.product(R, rot.skew(f))
         back = rot.transposed(later)
         turning, to_later = rot.product(J, rot.skew(earth_b)), rot.product(back, R)
-        by_turn = rot.product(back, by_force)
+        by_rotation = rot.product(back, by_force)
         for i in range(D):
             Phi[k, i, i] = 1.0
         for i in range(3):
@@ -83,7 +83,7 @@ def carried(
                 R_later[k, i, j] = later[i, j]
                 Phi[k, i, j] = turn[j, i] - (s * turning[i, j] if measured else 0.0)
                 Phi[k, i, 12 + j] = -s * J[i, j] if measured else s * J[i, j]
-                Phi[k, 3 + i, j] = -s * s / 2 * by_turn[i, j]
+                Phi[k, 3 + i, j] = -s * s / 2 * by_rotation[i, j]
                 Phi[k, 3 + i, 3 + j] = to_later[i, j]
                 Phi[k, 3 + i, 6 + j] = s * back[i, j]
                 Phi[k, 3 + i, 9 + j] = -s * s / 2 * to_later[i, j]

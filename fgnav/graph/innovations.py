@@ -151,9 +151,9 @@ def innovations_of(
         change = solution.constants[rows] - solution.states.constants
         value = value + np.einsum("kib,kb->ki", shared, change)
     J = np.concatenate([state, shared], axis=2)
-    seen = J.any(axis=(0, 1))
-    P = _covariance(solution, rows[:, None])[:, seen][:, :, seen]
-    white, tested, rounding = _whitened(value, J[:, :, seen], P, rounding)
+    used = J.any(axis=(0, 1))
+    P = _covariance(solution, rows[:, None])[:, used][:, :, used]
+    white, tested, rounding = _whitened(value, J[:, :, used], P, rounding)
     lagged = np.append(np.zeros(1), np.einsum("ki,ki->k", white[1:], white[:-1]))[: len(white)]
     squared = (white**2).sum(axis=1)
     return Innovations(squared, measurement.freedom[indices], tested, lagged), rounding
@@ -247,8 +247,8 @@ def _alike(evaluated: Sequence[_Evaluated], solution: Solution) -> list[list[int
     """Return factors of the same dimensions whose variables' joint covariance is known."""
     alike: dict[tuple[object, ...], list[int]] = {}
     for i, one in enumerate(evaluated):
-        apart = one.rows[-1] - one.rows[0] if one.rows else 0
-        if len(one.rows) < 2 or (apart == 1 and solution.cross is not None):
+        separation = one.rows[-1] - one.rows[0] if one.rows else 0
+        if len(one.rows) < 2 or (separation == 1 and solution.cross is not None):
             kind = (len(one.rows), one.J.shape, *one.seen.tolist())
             alike.setdefault(kind, []).append(i)
     return list(alike.values())

@@ -24,7 +24,7 @@ from fgnav.methods.smoothing.custom_sources import custom_constants, with_networ
 from fgnav.methods.smoothing.estimates import stated
 from fgnav.methods.streaming.keyframe import keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamConfig
-from fgnav.solve.custom_factors import entering_stream
+from fgnav.solve.custom_factors import touches_newest
 from fgnav.solve.sliding.window import FixedLag
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Flight
@@ -185,7 +185,7 @@ class Stream:
         bounds = (layout, self._window.oldest, self._count)
         factors = []
         for one in map(named, measurements.factors):
-            if not entering_stream(one, *bounds):
+            if not touches_newest(one, *bounds):
                 raise BadInputError(
                     f"factor {one.name!r}: must touch the keyframe it enters with, {self._count}"
                 )
@@ -196,7 +196,7 @@ class Stream:
             first = len(problem.constants.parts) - len(self._asked)
             for source, its in with_timelines(self._sources, timeline, first):
                 made = source(measurements, its)
-                factors += [one for one in map(named, made) if entering_stream(one, *bounds)]
+                factors += [one for one in map(named, made) if touches_newest(one, *bounds)]
                 if isinstance(made, Sourced):
                     self._unused.update({(one.what, one.reason): one.count for one in made.unused})
         self._times_s = times_s

@@ -63,9 +63,9 @@ def solve_fixed_lag(
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
         keep = keep_linearisation and of is problem
         window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
-        entering = CustomFactors(custom if of is problem else (), of)
+        factors = CustomFactors(custom if of is problem else (), of)
         for row in steps(end):
-            yield window.update(of, row, entering.at(row, window.oldest))
+            yield window.update(of, row, factors.at(row, window.oldest))
         if end == len(of.t_s) and len(window):
             yield window.flush()
 
@@ -86,9 +86,9 @@ def solve_forward(
 
     def newest(of: Problem, end: int) -> Iterator[Solution | None]:
         window = FixedLag(lag_s, 0.0)
-        entering = CustomFactors(custom, of)
+        factors = CustomFactors(custom, of)
         for row in steps(end):
-            window.advance(of, row, entering.at(row, window.oldest))
+            window.advance(of, row, factors.at(row, window.oldest))
             yield window.latest()
 
     return replace(joined_solution(_opened(newest, problem, opening), len(problem.t_s)), cross=None)

@@ -73,15 +73,15 @@ def linearise(problem: Problem, at: States) -> LinearFlight:
     spans = list(pairwise(ends.tolist()))
     used = [bool(rows[:, begin:end].any()) for begin, end in spans]
     for k, of in enumerate(factors):
-        own = np.ascontiguousarray(rows[first[k] : first[k + 1]].T)
+        stacked = np.ascontiguousarray(rows[first[k] : first[k + 1]].T)
         variables = (*layout.keyframe(k), *layout.keyframe(k + 1), *layout.constant_keys)
         terms = [
-            (key, own[begin:end].T)
+            (key, stacked[begin:end].T)
             for key, (begin, end), is_used in zip(variables, spans, used, strict=True)
             if is_used and not (k + 1 == len(factors) and 3 <= variables.index(key) < 6)
         ]
-        if own.shape[1]:
-            of.append(linear_factor(terms, own[-1]))
+        if stacked.shape[1]:
+            of.append(linear_factor(terms, stacked[-1]))
     return LinearFlight(factors, sum(squares))
 
 

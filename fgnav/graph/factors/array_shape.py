@@ -61,8 +61,8 @@ class ArrayShape(SensorRows):
             if column.stop:
                 arms_b_m[a] += at.constants[column]
                 shared[:, :, column] = root[:, :, 3 * a : 3 * a + 3] @ at.R_nb
-        apart_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[indices]
-        by_turn = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(indices), -1, 3)
-        state[:, :, ROTATION] = root @ by_turn
-        value = np.einsum("kmi,ki->km", root, apart_m.reshape(len(indices), -1))
+        difference_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[indices]
+        by_rotation = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(indices), -1, 3)
+        state[:, :, ROTATION] = root @ by_rotation
+        value = np.einsum("kmi,ki->km", root, difference_m.reshape(len(indices), -1))
         return Linearised(value, state, shared)

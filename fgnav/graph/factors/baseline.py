@@ -46,17 +46,17 @@ class BaselineVector(SensorRows):
     def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of baselines ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
-        v_n, by_turn = at.R_nb @ self.baseline_b_m, -at.R_nb @ skew(self.baseline_b_m)
+        v_n, by_rotation = at.R_nb @ self.baseline_b_m, -at.R_nb @ skew(self.baseline_b_m)
         white, z_n = self.white[indices], self.value_n_m[indices]
         if self.dimensions == 1:
             (north, east), weight = v_n[:, :2].T, np.linalg.norm(white[:, 0], axis=1)
             right, along = z_n[:, 0] * east - z_n[:, 1] * north, (z_n * v_n)[:, :2].sum(axis=1)
             level = np.maximum(north**2 + east**2, _LEVEL * self.baseline_b_m @ self.baseline_b_m)
-            moved = north[:, None] * by_turn[:, 1] - east[:, None] * by_turn[:, 0]
+            moved = north[:, None] * by_rotation[:, 1] - east[:, None] * by_rotation[:, 0]
             state[:, 0, ROTATION] = (weight / level)[:, None] * moved
             value = np.zeros((len(indices), 3))
             value[:, 0] = weight * np.arctan2(right, along)
         else:
-            state[:, :, ROTATION] = white @ by_turn
+            state[:, :, ROTATION] = white @ by_rotation
             value = np.einsum("kij,kj->ki", white, v_n - z_n)
         return Linearised(value, state, shared)

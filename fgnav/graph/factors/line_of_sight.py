@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
-from fgnav.graph.factors.directions import flattened, seen
+from fgnav.graph.factors.directions import flattened, projected
 from fgnav.graph.sensor_rows import SensorRows, Shapes
 from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import POSITION, ROTATION, States
@@ -45,9 +45,9 @@ class LineOfSight(SensorRows):
             tilt_rad[1:] = at.constants[boresight]
         way_b_m = np.einsum("kij,kj->ki", R_bn, at.constants[landmark] - at.p_n_m)
         u_b, by_way = flattened(way_b_m)
-        view = seen(self.across_b[indices], u_b, tilt_rad)
+        view = projected(self.across_b[indices], u_b, tilt_rad)
         by_place_b = view.across_b @ by_way
-        state[:, :, ROTATION], state[:, :, POSITION] = view.by_turn, -by_place_b
+        state[:, :, ROTATION], state[:, :, POSITION] = view.by_rotation, -by_place_b
         shared[:, :, landmark] = by_place_b @ R_bn
         shared[:, :, boresight] = view.by_tilt[:, :, 1 : 1 + boresight.stop - boresight.start]
         return Linearised(view.value, state, shared)

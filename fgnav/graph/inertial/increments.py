@@ -145,11 +145,11 @@ def _even(nodes_s: FloatArray, at_s: FloatArray, period_s: FloatArray) -> BoolAr
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
     """Return the weights, (k, 4), of values at nodes, (k, 4), in their cubic at places, (k,)."""
-    off, weights = at[:, None] - nodes, np.ones(nodes.shape)
+    difference, weights = at[:, None] - nodes, np.ones(nodes.shape)
     for i in range(_NODES):
         for j in range(_NODES):
             if i != j:
-                weights[:, i] *= off[:, j] / (nodes[:, i] - nodes[:, j])
+                weights[:, i] *= difference[:, j] / (nodes[:, i] - nodes[:, j])
     return weights
 
 

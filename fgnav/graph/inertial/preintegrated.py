@@ -129,9 +129,9 @@ class Inertial:
             aux = before.aux[i]
             rotation = gtsam.Rot3(before.R_nb[i])
             state = gtsam.NavState(rotation, before.p_n_m[i], before.v_n_mps[i])
-            led = self._sums(k, aux).predict(state, as_bias(aux))
-            after.R_nb[i] = led.attitude().matrix()
-            after.p_n_m[i], after.v_n_mps[i] = led.position(), led.velocity()
+            predicted = self._sums(k, aux).predict(state, as_bias(aux))
+            after.R_nb[i] = predicted.attitude().matrix()
+            after.p_n_m[i], after.v_n_mps[i] = predicted.position(), predicted.velocity()
         return after
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
@@ -204,10 +204,10 @@ class Inertial:
             imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0,
         )
         accelerometer = imu.accelerometer_noise_mps2_per_sqrt_hz
-        of_unit = np.isclose(self.accelerometer_noise[of], accelerometer**2)
-        of_unit &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
+        of_imu = np.isclose(self.accelerometer_noise[of], accelerometer**2)
+        of_imu &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
         if self.bias_steps is not None:
-            of_unit &= ~self.bias_steps[of].any(axis=1)
+            of_imu &= ~self.bias_steps[of].any(axis=1)
         nothing = np.zeros(GYROSCOPE_AUX)
         one_each = (
             (accelerometer**2, 0.0, nothing, 0.0),
@@ -216,9 +216,9 @@ class Inertial:
             (0.0, 0.0, np.repeat([0.0, walks[1] ** 2], 3), 0.0),
             (0.0, 0.0, nothing, INTEGRATION_M2),
         )
-        parts = np.zeros((len(of_unit), len(one_each), _WIDTH, _WIDTH))
+        parts = np.zeros((len(of_imu), len(one_each), _WIDTH, _WIDTH))
         for i, k in enumerate(np.arange(len(self.t_s) - 1)[of].tolist()):
-            if not of_unit[i]:
+            if not of_imu[i]:
                 parts[i, -1] = np.eye(_WIDTH)
                 continue
             about = np.nan_to_num(self._store.biases[k])

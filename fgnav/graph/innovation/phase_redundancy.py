@@ -50,8 +50,8 @@ def _propagated(root: FloatArray, block: ArcBlock) -> FloatArray:
     rows = np.zeros((d + len(block.right), d + size + 1))
     rows[:d, :d], rows[:d, -1] = root[:d, :d], root[:d, d]
     rows[d:, :d], rows[d:, d:-1], rows[d:, -1] = -block.before, block.after, block.right
-    led = np.asarray(np.linalg.qr(rows, mode="r"))
-    after, out = led[d : d + size, d:], np.zeros((size + 1, size + 1))
+    triangular = np.asarray(np.linalg.qr(rows, mode="r"))
+    after, out = triangular[d : d + size, d:], np.zeros((size + 1, size + 1))
     out[: len(after)] = after
     return out
 

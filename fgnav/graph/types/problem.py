@@ -69,15 +69,15 @@ class Problem:
     phase: "AntennaPhase | None" = None
     rate_known: bool = False
 
-    def begun(self, row: int, led: States) -> States:
-        """Return where a window starts a keyframe to which the motion has led."""
+    def begun(self, row: int, predicted: States) -> States:
+        """Return where a window starts a keyframe that the motion has predicted."""
         if not self.attitude_known[row]:
-            return led
-        at, aux = slice(row, row + 1), led.aux
+            return predicted
+        at, aux = slice(row, row + 1), predicted.aux
         if self.rate_known:
             aux = aux.copy()
             aux[:, _RATE] = self.start.aux[at, _RATE]
-        return led._replace(R_nb=self.start.R_nb[at], aux=aux)
+        return predicted._replace(R_nb=self.start.R_nb[at], aux=aux)
 
     @property
     def gyroscope(self) -> bool:

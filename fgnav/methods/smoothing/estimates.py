@@ -174,11 +174,11 @@ def _origin_motion(
     arm = skew(arm_b_m)
     earth_b_radps = np.einsum("nji,j->ni", R_nb, motion.earth_rate_n_radps)
     relative_radps = w_b_radps - earth_b_radps if gyroscope else w_b_radps
-    swing_b_mps = np.cross(relative_radps, arm_b_m)
+    arm_velocity_b_mps = np.cross(relative_radps, arm_b_m)
     A: FloatArray = np.zeros((n, 3, P.shape[1]))  # of position by the state
     B: FloatArray = np.zeros((n, 3, P.shape[1]))  # of velocity
     A[:, :, ROTATION], A[:, :, POSITION] = -R_nb @ arm, R_nb
-    B[:, :, ROTATION] = -R_nb @ skew(swing_b_mps)
+    B[:, :, ROTATION] = -R_nb @ skew(arm_velocity_b_mps)
     if gyroscope:
         B[:, :, ROTATION] += R_nb @ arm @ skew(earth_b_radps)
     B[:, :, VELOCITY] = np.eye(3)
@@ -192,7 +192,7 @@ def _origin_motion(
     moved = BodyMotion(
         p_n_m=solution.states.p_n_m + np.einsum("nij,nj->ni", R_nb, arm_b_m),
         position_covariance_m2=A @ P @ A.swapaxes(1, 2),
-        v_n_mps=solution.states.v_n_mps + np.einsum("nij,nj->ni", R_nb, swing_b_mps),
+        v_n_mps=solution.states.v_n_mps + np.einsum("nij,nj->ni", R_nb, arm_velocity_b_mps),
         velocity_covariance_m2ps2=B @ P @ B.swapaxes(1, 2),
     )
     return moved, relative_radps + earth_b_radps

@@ -245,18 +245,20 @@ class Keyframes:
         _transform_bias(moved, step, turn, _ACCELEROMETER, states, force_b_mps2)
         _transform_bias(moved, step, turn, _GYROSCOPE, states, np.zeros(3))
         A, right = message.jacobian()
-        own = self.layout.keyframe(self.oldest)
+        variables = self.layout.keyframe(self.oldest)
         rows, others, begin = np.zeros((len(right), D + 1)), list[tuple[int, FloatArray]](), 0
         rows[:, -1] = right
         for key in message.keys():  # noqa: SIM118  # not a dict
             block = A[:, begin : begin + self._eliminated.size(key)]
             begin += block.shape[1]
-            if key in own:
-                rows[:, :D][:, _PARTS[own.index(key)]] = block
+            if key in variables:
+                rows[:, :D][:, _PARTS[variables.index(key)]] = block
             else:
                 others.append((key, block))
         rows = rows @ moved
-        of_state = [(key, rows[:, :D][:, part]) for key, part in zip(own, _PARTS, strict=True)]
+        of_state = [
+            (key, rows[:, :D][:, part]) for key, part in zip(variables, _PARTS, strict=True)
+        ]
         return linear_factor([*of_state, *others], rows[:, -1])
 
 

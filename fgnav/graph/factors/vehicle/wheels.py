@@ -77,7 +77,7 @@ class RollingWheels(SensorRows):
         state[:, :, ROTATION] = (back @ (skew(v_b) + earth))[:, 1:]
         state[:, :, VELOCITY] = (back @ R_bn)[:, 1:]
         state[:, :, _RATE] = (back @ by_rate)[1:]
-        by_turn = back @ skew(axle_b) @ right_jacobian(-turn)
-        shared[:, :, axes] = by_turn[:, 1:, 1:]
+        by_rotation = back @ skew(axle_b) @ right_jacobian(-turn)
+        shared[:, :, axes] = by_rotation[:, 1:, 1:]
         shared[:, :, axle] = (back @ skew(rate))[:, 1:]
         return Linearised(weight * (axle_b @ back.T)[:, 1:], weight * state, weight * shared)
