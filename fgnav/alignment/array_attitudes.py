@@ -95,7 +95,7 @@ def array_alignment(
     for view, other in parts[1:]:
         start = start.with_rows(view.rows, other)
     notes, unused, rejections = (
-        tuple(chain.from_iterable(getattr(part, name) for _, part in parts))
+        tuple(chain.from_iterable(getattr(alignment, name) for _, alignment in parts))
         for name in ("notes", "unused", "rejections")
     )
     return replace(
@@ -138,14 +138,14 @@ def _with_vectors(
     """
     track = track_of(flight, causal=causal)
     pairs, _ = measured_vectors(flight, track, causal=causal)
-    row, same = nearest(track.t_s, t_s)
+    nearest_epoch, same = nearest(track.t_s, t_s)
     for v_n, v_b in zip(np.moveaxis(pairs.v_n, 1, 0), np.moveaxis(pairs.v_b, 1, 0), strict=True):
-        valid = same & wanted & np.isfinite(v_n[row]).all(axis=1)
-        valid &= np.isfinite(v_b[row]).all(axis=1)
-        size = np.where(valid, np.linalg.norm(v_b[row], axis=1), 1.0)
+        valid = same & wanted & np.isfinite(v_n[nearest_epoch]).all(axis=1)
+        valid &= np.isfinite(v_b[nearest_epoch]).all(axis=1)
+        size = np.where(valid, np.linalg.norm(v_b[nearest_epoch], axis=1), 1.0)
         form = form + RotationQuadratic.of_vector_pairs(
-            np.where(valid[:, None], v_n[row], 0.0),
-            np.where(valid[:, None], v_b[row], np.nan),
+            np.where(valid[:, None], v_n[nearest_epoch], 0.0),
+            np.where(valid[:, None], v_b[nearest_epoch], np.nan),
             (VECTOR_SIGMA_RAD * size)[:, None, None] ** 2 * np.eye(3),
         )
     return form

@@ -24,13 +24,13 @@ def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) 
     if len(good) in (0, len(t_s)):
         return R_nb
     rates = angular_rates(t_s[good], R_nb[good])
-    place = np.interp(t_s, t_s[good], np.arange(len(good)))
-    before = np.floor(place).astype(np.int64)
+    index = np.interp(t_s, t_s[good], np.arange(len(good)))
+    before = np.floor(index).astype(np.int64)
     after = np.minimum(before + 1, len(good) - 1)
     first, last, share = (
         R_nb[good[before]],
         R_nb[good[after]],
-        (place - before)[:, None],
+        (index - before)[:, None],
     )
     span_s = (t_s[good[after]] - t_s[good[before]])[:, None]
     cubic = rotation_cubic(first, last, rates[before], rates[after], span_s, share)

@@ -80,8 +80,8 @@ def _heading_by_baseline(
     """Return R_nu, (3, 3), level as R_lu is, with the heading of a baseline by then."""
     rows = _last_second(between.of.t_s, at_s)
     north, east, _ = (R_lu @ rotation.at(between.of.t_s[rows]) @ between.vector_b_m).T
-    turn = np.exp(1j * (between.of.heading_rad[rows] - np.arctan2(east, north)))
-    return _with_yaw(R_lu, float(np.angle(turn.sum())))
+    phasor = np.exp(1j * (between.of.heading_rad[rows] - np.arctan2(east, north)))
+    return _with_yaw(R_lu, float(np.angle(phasor.sum())))
 
 
 def _last_second(t_s: FloatArray, at_s: float) -> slice:

@@ -12,8 +12,8 @@ def nearest(have_s: FloatArray, want_s: FloatArray) -> tuple[IntArray, BoolArray
     after = np.searchsorted(have_s, want_s).clip(1, max(len(have_s) - 1, 1))
     after = after.clip(max=len(have_s) - 1)
     before = np.maximum(after - 1, 0)
-    row = np.where(want_s - have_s[before] < have_s[after] - want_s, before, after)
-    return row, np.abs(have_s[row] - want_s) < SAME_S
+    index = np.where(want_s - have_s[before] < have_s[after] - want_s, before, after)
+    return index, np.abs(have_s[index] - want_s) < SAME_S
 
 
 def unmatched(what: str, count: int, matched: BoolArray) -> tuple[Unused, ...]:

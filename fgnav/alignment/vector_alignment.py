@@ -101,8 +101,8 @@ def _rotated_as(
     if not len(rows):
         return R_nb
     rotation = log(few.R_nb[rows] @ transpose(R_nb[rows]))
-    turn = np.unwrap(np.einsum("ni,ni->n", rotation, f_n[rows]))
-    between = np.interp(few.t_s, few.t_s[rows], turn)
+    angle = np.unwrap(np.einsum("ni,ni->n", rotation, f_n[rows]))
+    between = np.interp(few.t_s, few.t_s[rows], angle)
     return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
 
 
@@ -110,14 +110,14 @@ def _by_gravity(
     origin: Origin, track: Track, pairs: VectorPairs, gravity: GravityDirection
 ) -> Alignment | None:
     """Return attitudes by gravity and specific force; None where few epochs have any."""
-    row, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
-    if row is None or at_epoch is None:
+    index, at_epoch = nearest(gravity.t_s, track.t_s) if len(gravity.t_s) else (None, None)
+    if index is None or at_epoch is None:
         return None
     down_n = origin.gravity_n_mps2(track.p_n_m)
     force = pairs.sources.index("specific force")
     both = VectorPairs(
         v_n=np.stack([pairs.v_n[:, force], down_n], axis=1),
-        v_b=np.stack([pairs.v_b[:, force], gravity.g_b[row]], axis=1),
+        v_b=np.stack([pairs.v_b[:, force], gravity.g_b[index]], axis=1),
         weight=np.ones((len(track.t_s), 2)),
         sources=("specific force", "gravity"),
     ).directions()
@@ -126,7 +126,10 @@ def _by_gravity(
     if not valid.any():
         return None
     variance = np.stack(
-        [np.full(len(row), _FORCE_SIGMA_RAD**2), np.einsum("nii->n", gravity.covariance)[row] / 2],
+        [
+            np.full(len(index), _FORCE_SIGMA_RAD**2),
+            np.einsum("nii->n", gravity.covariance)[index] / 2,
+        ],
         axis=1,
     )
     both = replace(both, weight=both.weight / variance)

@@ -84,8 +84,8 @@ class CalibrationRequest:
         rate_ppm = max(_CLOCK_RATE_PPM, abs(self.moved[1]))
         both = (*constants, flight_constant(CLOCK_RATE, ("rate",), "ppm", rate_ppm))
         return tuple(
-            replace(part, stated=np.array([-moved]))
-            for part, moved in zip(both, self.moved, strict=True)
+            replace(direction, stated=np.array([-moved]))
+            for direction, moved in zip(both, self.moved, strict=True)
         )
 
 
@@ -198,7 +198,9 @@ def timestamp_offset(
 
 def propagation_span_s(requests: tuple[CalibrationRequest, ...]) -> float:
     """Return how far back states are propagated to velocities that are late."""
-    return max((FORCE_SPAN_S, *(one.start for one in requests if one.kind == "velocity-delay")))
+    return max(
+        (FORCE_SPAN_S, *(request.start for request in requests if request.kind == "velocity-delay"))
+    )
 
 
 def with_landmark(

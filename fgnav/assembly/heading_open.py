@@ -118,17 +118,17 @@ def horizontal_mps2(
     """
     series = [(velocity, 1, np.sqrt(2)), (position, 2, np.sqrt(6))]
     options = [
-        (one, order, span_s, factor * _sigma(one) / span_s**order)
-        for one, order, factor in series
-        if one is not None and one.valid.any()
+        (spectrum, order, span_s, factor * _sigma(spectrum) / span_s**order)
+        for spectrum, order, factor in series
+        if spectrum is not None and spectrum.valid.any()
         for span_s in _SPANS_S
     ]
     if not options:
         return np.zeros(len(t_s))
     sure = [option for option in options if option[3] <= _SURE_MPS2]
-    one, order, span_s, _ = sure[0] if sure else min(options, key=lambda option: option[3])
-    rows = np.flatnonzero(one.valid)
-    at_s, values = t_s[rows], one.value[rows, :2]
+    spectrum, order, span_s, _ = sure[0] if sure else min(options, key=lambda option: option[3])
+    rows = np.flatnonzero(spectrum.valid)
+    at_s, values = t_s[rows], spectrum.value[rows, :2]
     back = [np.searchsorted(at_s, at_s - k * span_s - 1e-6).clip(0) for k in range(order + 1)]
     slopes = [
         (values[a] - values[b]) / (at_s[a] - at_s[b]).clip(span_s / 2)[:, None]

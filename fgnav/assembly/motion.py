@@ -179,8 +179,8 @@ def _largest_sigma(across: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return the largest 1-sigma, (n,), of what is left of vectors after a projection."""
     finite = np.isfinite(covariance).all(axis=(1, 2))
     out = np.full(len(covariance), np.inf)
-    part = across[finite] @ covariance[finite] @ across[finite]
-    out[finite] = np.sqrt(np.linalg.eigvalsh(part)[:, 2].clip(0))
+    projected = across[finite] @ covariance[finite] @ across[finite]
+    out[finite] = np.sqrt(np.linalg.eigvalsh(projected)[:, 2].clip(0))
     return out
 
 

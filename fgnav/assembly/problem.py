@@ -132,7 +132,7 @@ def build_problem(
 
 def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
     """Concatenate the reports of the problem's parts."""
-    return tuple(one for part in parts for one in getattr(part, name, ()))
+    return tuple(item for stage in parts for item in getattr(stage, name, ()))
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
@@ -185,7 +185,7 @@ def _antennas(
         yield from array_sensors(start.form, shape, start.valid, stretch, errors)
     if not antenna.phases:
         yield from positions(antenna.positions)
-    is_late = any(one.name == VELOCITY_DELAY for one in requested)
+    is_late = any(request.name == VELOCITY_DELAY for request in requested)
     yield from velocities(antenna.velocities, rates, earth, timed.led if is_late else None)
 
 
@@ -193,10 +193,10 @@ def _bound(
     sensors: tuple[Sensor, ...], constants: Parameters, timed: TimedMotion
 ) -> tuple[Sensor, ...]:
     """Return sensors of a problem, those of receivers on their clock."""
-    late = {Velocity.name: VELOCITY_DELAY}
+    delays = {Velocity.name: VELOCITY_DELAY}
     of_problem = (sensor.bound(constants) for sensor in sensors if len(sensor.row))
     return tuple(
-        on_clock(sensor, timed, delay=late.get(sensor.name, ""))
+        on_clock(sensor, timed, delay=delays.get(sensor.name, ""))
         if getattr(sensor, "timed_by_receiver", False)
         else sensor
         for sensor in of_problem

@@ -219,7 +219,7 @@ def _times_s(
     turn_rad = _turns_rad(epochs) if imu.w_b_radps is None else None
     times_s = keyframe_times(epochs_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s)
     further = flight.fixes[1:] if flight.observations is None else ()
-    also_s = [np.empty(0), *(one.t_s for one in (*further, *flight.baselines))]
+    also_s = [np.empty(0), *(record.t_s for record in (*further, *flight.baselines))]
     new_s = np.unique(np.concatenate(also_s))
     new_s = new_s[~nearest(times_s, new_s)[1]]
     times_s = np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])

@@ -40,10 +40,12 @@ def truncated(
         ground = _observations_until(base.observations, until_s + base_s, after_s + base_s)
         base = None if ground is None else replace(base, observations=ground)
     records = {
-        name: one if name == "truth" else one[(one.t_s <= until_s) & (one.t_s > after_s)]
-        for name, one in flight.records.items()
+        name: record
+        if name == "truth"
+        else record[(record.t_s <= until_s) & (record.t_s > after_s)]
+        for name, record in flight.records.items()
     }
-    kept = {name: one for name, one in records.items() if len(one.t_s)}
+    kept = {name: record for name, record in records.items() if len(record.t_s)}
     return replace(flight, observations=observations, base=base).with_records(kept)
 
 

@@ -108,25 +108,27 @@ def w_tests(
         Where residuals are taken.
     """
     n, b, m = measured[0].off_m.shape
-    seen = np.isfinite(measured[0].off_m)
-    present = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+    finite = np.isfinite(measured[0].off_m)
+    present = np.concatenate([finite.any(axis=1, keepdims=True), finite], axis=1)
     values = np.zeros((n, b + 1, m, 4))  # the range's derivatives by three turns, and the residual
     values[:, 1:, :, :3] = -np.cross(baselines_n_m[:, :, None], differences.e_n[:, None])
     parts, normal = [], np.zeros((n, 4, 4))
     for kind in measured:
-        values[:, 1:, :, 3] = np.where(seen, kind.off_m, 0.0)
-        part = clock_free(differences.group, present, kind.variance_m2, values)
-        normal += part.normal
-        parts.append(part)
+        values[:, 1:, :, 3] = np.where(finite, kind.off_m, 0.0)
+        residuals = clock_free(differences.group, present, kind.variance_m2, values)
+        normal += residuals.normal
+        parts.append(residuals)
     attitude = np.linalg.pinv(normal[:, :3, :3], rcond=_OPEN, hermitian=True)
     turn = attitude @ normal[:, :3, 3:]
     total = np.zeros(present.shape)
-    for part, kind in zip(parts, measured, strict=True):
-        J = part.weighted[..., :3]
-        pull = part.weighted[..., 3] - np.einsum("najc,nc->naj", J, turn[:, :, 0])
-        known = part.certain - np.einsum("najc,ncd,najd->naj", J, attitude, J, optimize=True)
-        testable = known > _UNTESTABLE / kind.variance_m2[:, None]
-        total += np.where(testable, pull**2 / np.where(testable, known, 1.0), 0.0)
+    for residuals, kind in zip(parts, measured, strict=True):
+        J = residuals.weighted[..., :3]
+        pull = residuals.weighted[..., 3] - np.einsum("najc,nc->naj", J, turn[:, :, 0])
+        redundancy = residuals.certain - np.einsum(
+            "najc,ncd,najd->naj", J, attitude, J, optimize=True
+        )
+        testable = redundancy > _UNTESTABLE / kind.variance_m2[:, None]
+        total += np.where(testable, pull**2 / np.where(testable, redundancy, 1.0), 0.0)
     if b == 1:
         total[:, 0] = 0.0
     return total

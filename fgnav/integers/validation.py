@@ -83,14 +83,14 @@ class _Phases:
         The density of residuals, the attitude drawn from all there are, against that of any
         integers, uniform within a wavelength [2]_: few links fit some attitude by chance.
         """
-        seen, group = np.isfinite(self.ranges_m), self.differences.group
-        links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+        finite, group = np.isfinite(self.ranges_m), self.differences.group
+        links = np.concatenate([finite.any(axis=1, keepdims=True), finite], axis=1)
         clocks = clock_free(
             group, links, self.differences.phase_variance_m2, np.zeros((*links.shape, 1))
         )
-        uniform, factor = np.zeros(len(seen)), np.log(self.variance_factor)
+        uniform, factor = np.zeros(len(finite)), np.log(self.variance_factor)
         for g in range(int(group.max(initial=-1)) + 1):
-            of_group = seen[:, :, group == g]
+            of_group = finite[:, :, group == g]
             free = of_group.sum(axis=(1, 2)) - of_group.any(axis=2).sum(axis=1)
             uniform += free * log(self.differences.wavelength_m[group == g][0])
         normal = (self.form.count * (log(2 * pi) + factor) + clocks.log_determinant) / 2
@@ -100,11 +100,11 @@ class _Phases:
         return np.asarray(uniform - normal + occam - fit)
 
     def w_tests(self, rows: IntArray) -> FloatArray:
-        part, R_nb = self.differences.resampled(rows), self.attitude.R_nb[rows]
-        off_m = self.ranges_m[rows] - part.array_m(R_nb)
-        variance_m2 = part.phase_variance_m2 * self.variance_factor[rows, None]
-        baselines_n_m = np.einsum("nij,bj->nbi", R_nb, part.baselines_b_m)
-        return w_tests(part, [Residuals(off_m, variance_m2)], baselines_n_m)
+        differences, R_nb = self.differences.resampled(rows), self.attitude.R_nb[rows]
+        off_m = self.ranges_m[rows] - differences.array_m(R_nb)
+        variance_m2 = differences.phase_variance_m2 * self.variance_factor[rows, None]
+        baselines_n_m = np.einsum("nij,bj->nbi", R_nb, differences.baselines_b_m)
+        return w_tests(differences, [Residuals(off_m, variance_m2)], baselines_n_m)
 
     def without(self, rows: IntArray, links: BoolArray) -> "_Phases":
         ranges_m = self.ranges_m.copy()

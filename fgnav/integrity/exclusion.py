@@ -70,8 +70,10 @@ def without_contradictions(
         is_as_open = set(trial.unobservable) <= set(estimate.unobservable)
         if trial.consistent and trial.converged and is_as_open and _is_determined(trial):
             notes = tuple(
-                note("W308", what=one.what, from_s=one.from_s, until_s=one.until_s)
-                for one in exclusion.rejected
+                note(
+                    "W308", what=rejection.what, from_s=rejection.from_s, until_s=rejection.until_s
+                )
+                for rejection in exclusion.rejected
             )
             return replace(
                 trial,
@@ -94,16 +96,20 @@ def exclusions(flight: Flight, verdicts: tuple[Verdict, ...]) -> Iterator[Exclus
     Instruments that have no verdict come last, for one that is wrong may pull the estimate away
     from all others.
     """
-    worst = sorted(verdicts, key=lambda one: -one.ratio / one.limit)
-    sensors = list(dict.fromkeys(one.sensor for one in worst))
+    worst = sorted(verdicts, key=lambda verdict: -verdict.ratio / verdict.limit)
+    sensors = list(dict.fromkeys(verdict.sensor for verdict in worst))
     sensors.sort(key=lambda name: name not in INSTRUMENTS)
     for sensor in sensors:
-        own = [verdict for verdict in verdicts if verdict.sensor == sensor]
-        spans = np.array([[one.from_s - _MARGIN_S, one.until_s + _MARGIN_S] for one in own])
+        of_sensor = [verdict for verdict in verdicts if verdict.sensor == sensor]
+        spans = np.array(
+            [[verdict.from_s - _MARGIN_S, verdict.until_s + _MARGIN_S] for verdict in of_sensor]
+        )
         changed = _flight_excluding(flight, sensor, spans)
         if changed is not None:
             is_gone = sensor in INSTRUMENTS and not _records(changed, INSTRUMENTS[sensor])
-            yield Exclusion(changed, tuple(map(_rejected, own)), tuple(own) if is_gone else ())
+            yield Exclusion(
+                changed, tuple(map(_rejected, of_sensor)), tuple(of_sensor) if is_gone else ()
+            )
     for name, kind in INSTRUMENTS.items():
         times = [record.t_s for record in _records(flight, kind).values() if len(record.t_s)]
         if times and name not in sensors:
@@ -126,14 +132,14 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
         kind = "fixes"
     if kind is not None:
         records = _records(flight, kind)
-        rows = {name: _inside(one.t_s, spans) for name, one in records.items()}
+        rows = {name: _inside(record.t_s, spans) for name, record in records.items()}
         if np.concatenate(list(rows.values())).mean() > _THROUGHOUT:
             return _flight_without(flight, kind) if sensor in INSTRUMENTS else None
         if sensor == "velocity":  # positions stay
             return replace(
                 flight, fixes=tuple(_without_velocity(fixes, spans) for fixes in flight.fixes)
             )
-        left = {name: one[~rows[name]] for name, one in records.items()}
+        left = {name: record[~rows[name]] for name, record in records.items()}
         return flight.with_records({**flight.records, **left})
     observed, observations = _OBSERVED.get(sensor), flight.observations
     if observed is None or observations is None:
@@ -147,12 +153,12 @@ def _flight_excluding(flight: Flight, sensor: str, spans: FloatArray) -> Flight 
 
 
 def _records(flight: Flight, kind: str) -> dict[str, Samples]:
-    return {name: one for name, one in flight.records.items() if name.split()[0] == kind}
+    return {name: record for name, record in flight.records.items() if name.split()[0] == kind}
 
 
 def _flight_without(flight: Flight, kind: str) -> Flight:
     gone = _records(flight, kind)
-    return flight.with_records({n: one for n, one in flight.records.items() if n not in gone})
+    return flight.with_records({n: record for n, record in flight.records.items() if n not in gone})
 
 
 def _without_velocity(fixes: Fixes, spans: FloatArray) -> Fixes:
@@ -168,11 +174,11 @@ def _inside(t_s: FloatArray, spans: FloatArray) -> BoolArray:
     return np.asarray(((t_s[:, None] >= spans[:, 0]) & (t_s[:, None] <= spans[:, 1])).any(axis=1))
 
 
-def _rejected(one: Verdict) -> Rejected:
+def _rejected(verdict: Verdict) -> Rejected:
     return Rejected(
-        what=one.sensor,
-        link=one.sensor,
-        from_s=one.from_s,
-        until_s=one.until_s,
-        reason=f"innovations {np.sqrt(one.ratio):.2g} x their sigma: left out",
+        what=verdict.sensor,
+        link=verdict.sensor,
+        from_s=verdict.from_s,
+        until_s=verdict.until_s,
+        reason=f"innovations {np.sqrt(verdict.ratio):.2g} x their sigma: left out",
     )

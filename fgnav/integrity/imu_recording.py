@@ -103,7 +103,7 @@ def coarse_step(x: FloatArray, noise: float) -> Step | None:
     ``noise``: 1-sigma of a sample.
     """
     steps = [np.diff(np.unique(column)) for column in x.T]
-    sizes = [float(one.min()) if len(one) else 0.0 for one in steps]
+    sizes = [float(step.min()) if len(step) else 0.0 for step in steps]
     axis = int(np.argmax(sizes))
     if sizes[axis] < noise * np.sqrt(12):
         return None

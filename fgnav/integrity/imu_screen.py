@@ -203,8 +203,8 @@ def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return samples, (k, 3), without spikes of their axes, and which have some, (k,)."""
     middle, change = np.empty_like(x), np.empty_like(x)
     middle[1:-1], change[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
-    for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
-        middle[end], change[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
+    for end, first, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
+        middle[end], change[end] = 2 * x[first] - x[two], 2 * np.abs(x[first] - x[two])
     residual = np.abs(x - middle)
     sigma = _NORMAL * np.median(residual, axis=0)
     spike = (residual > _SIGMAS * sigma) & (residual > _SIGMAS / _NEIGHBOURS * change) & (sigma > 0)

@@ -27,7 +27,9 @@ def screen_instruments(flight: Flight) -> tuple[Flight, tuple[Unused, ...]]:
     stuck = {name: bad for name, bad in stuck.items() if bad.any()}
     if not stuck:
         return flight, ()
-    records = {n: one[~stuck[n]] if n in stuck else one for n, one in flight.records.items()}
+    records = {
+        n: record[~stuck[n]] if n in stuck else record for n, record in flight.records.items()
+    }
     unused = {(f"{name} sample", STUCK): int(bad.sum()) for name, bad in stuck.items()}
     return flight.with_records(records), unused_of(unused)
 

@@ -39,11 +39,11 @@ def force_innovations(flight: Flight) -> InnovationSeries | None:
     count = np.maximum(last - first, 1)[:, None]
     sums = np.cumsum(np.column_stack([imu.f_b_mps2, np.linalg.norm(imu.f_b_mps2, axis=1)]), axis=0)
     means = np.diff(np.vstack([np.zeros(4), sums])[[first, last]], axis=0)[0] / count
-    least, most = np.linalg.norm(means[:, :3], axis=1), means[:, 3]
+    lower, most = np.linalg.norm(means[:, :3], axis=1), means[:, 3]
     a_n_mps2 = np.diff(fixes.v_n_mps, axis=0) / span_s[:, None]
     expected = np.linalg.norm(a_n_mps2 - g_n_mps2, axis=1)
     variance: FloatArray = (fixes.velocity_sigma_mps[1:] ** 2).mean(axis=1) * 2 / span_s**2
     variance += imu.accelerometer_bias_mps2**2
     variance += imu.accelerometer_noise_mps2_per_sqrt_hz**2 / span_s
-    squared = ((expected - expected.clip(least, most)) ** 2 / variance)[kept]
+    squared = ((expected - expected.clip(lower, most)) ** 2 / variance)[kept]
     return InnovationSeries(NAME, t_s[1:][kept], squared, np.ones(len(squared), dtype=np.int64))

@@ -47,8 +47,11 @@ def judge(
     span_s : tuple of float
         First and last keyframe.
     """
-    tested = [one for one in series if int(one.freedom.sum())]
-    tests = sum(2 + sum(len(_blocks(one.t_s, s)) for s in _TOLERATED_BLOCK) for one in tested)
+    tested = [innovations for innovations in series if int(innovations.freedom.sum())]
+    tests = sum(
+        2 + sum(len(_blocks(innovations.t_s, s)) for s in _TOLERATED_BLOCK)
+        for innovations in tested
+    )
     rate = FALSE_ALARM / max(tests, 1)
     verdicts = [
         Verdict(
@@ -61,24 +64,28 @@ def judge(
         )
         for name, ratio in implausible.items()
     ]
-    for one in tested:
-        blocks = _of_blocks(one, rate)
-        others = np.ones(len(one.t_s), dtype=np.bool_)
+    for innovations in tested:
+        blocks = _of_blocks(innovations, rate)
+        others = np.ones(len(innovations.t_s), dtype=np.bool_)
         for block in blocks:
-            others &= (one.t_s < block.from_s) | (one.t_s > block.until_s)
-        remainder = one._replace(squared=one.squared[others], freedom=one.freedom[others])
-        verdicts += _of_record(one, remainder, rate) or blocks or _of_correlation(one, rate)
+            others &= (innovations.t_s < block.from_s) | (innovations.t_s > block.until_s)
+        remainder = innovations._replace(
+            squared=innovations.squared[others], freedom=innovations.freedom[others]
+        )
+        verdicts += (
+            _of_record(innovations, remainder, rate) or blocks or _of_correlation(innovations, rate)
+        )
     return tuple(verdicts)
 
 
-def _of_record(one: InnovationSeries, remainder: InnovationSeries, rate: float) -> list[Verdict]:
+def _of_record(series: InnovationSeries, remainder: InnovationSeries, rate: float) -> list[Verdict]:
     """Return a verdict of all of a record if ``remainder``, without its worst blocks, has one."""
     if not int(remainder.freedom.sum()):
-        remainder = one
+        remainder = series
     limit = max(TOLERATED, limit_of(remainder.squared, remainder.freedom, rate))
     if remainder.nis <= limit:
         return []
-    return [_verdict(one, (0, len(one.t_s)), one.nis, limit, "record")]
+    return [_verdict(series, (0, len(series.t_s)), series.nis, limit, "record")]
 
 
 def limit_of(squared: FloatArray, freedom: IntArray, rate: float) -> float:
@@ -97,19 +104,19 @@ def limit_of(squared: FloatArray, freedom: IntArray, rate: float) -> float:
     return float(chdtri(effective, rate) / effective)
 
 
-def _of_blocks(one: InnovationSeries, rate: float) -> list[Verdict]:
+def _of_blocks(series: InnovationSeries, rate: float) -> list[Verdict]:
     """Return runs of blocks beyond their band, of the shorter blocks first."""
     for length_s in sorted(_TOLERATED_BLOCK):
-        begins = _blocks(one.t_s, length_s)
-        freedom = np.add.reduceat(one.freedom, begins).clip(1)
-        ratio = np.add.reduceat(one.squared, begins) / freedom
+        begins = _blocks(series.t_s, length_s)
+        freedom = np.add.reduceat(series.freedom, begins).clip(1)
+        ratio = np.add.reduceat(series.squared, begins) / freedom
         limit = np.maximum(_TOLERATED_BLOCK[length_s], chdtri(freedom, rate) / freedom)
         beyond = ratio > limit
         edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(np.int8), [0]])))
-        ends = np.append(begins[1:], len(one.t_s))
+        ends = np.append(begins[1:], len(series.t_s))
         runs = [
             _verdict(
-                one,
+                series,
                 (begins[a], ends[b - 1]),
                 float(ratio[a:b].max()),
                 float(limit[a:b].min()),
@@ -122,14 +129,14 @@ def _of_blocks(one: InnovationSeries, rate: float) -> list[Verdict]:
     return []
 
 
-def _of_correlation(one: InnovationSeries, rate: float) -> list[Verdict]:
-    correlation = one.correlation
+def _of_correlation(series: InnovationSeries, rate: float) -> list[Verdict]:
+    correlation = series.correlation
     if correlation is None:
         return []
-    limit = max(_TOLERATED_CORRELATION, norm.isf(rate) / np.sqrt(int(one.freedom[1:].sum())))
+    limit = max(_TOLERATED_CORRELATION, norm.isf(rate) / np.sqrt(int(series.freedom[1:].sum())))
     if correlation <= limit:
         return []
-    return [_verdict(one, (0, len(one.t_s)), correlation, float(limit), "correlation")]
+    return [_verdict(series, (0, len(series.t_s)), correlation, float(limit), "correlation")]
 
 
 def _blocks(t_s: FloatArray, length_s: float) -> IntArray:
@@ -140,12 +147,12 @@ def _blocks(t_s: FloatArray, length_s: float) -> IntArray:
 
 
 def _verdict(
-    one: InnovationSeries, of: tuple[int, int], ratio: float, limit: float, test: str
+    series: InnovationSeries, of: tuple[int, int], ratio: float, limit: float, test: str
 ) -> Verdict:
     return Verdict(
-        sensor=one.name,
-        from_s=float(one.t_s[of[0]]),
-        until_s=float(one.t_s[of[1] - 1]),
+        sensor=series.name,
+        from_s=float(series.t_s[of[0]]),
+        until_s=float(series.t_s[of[1] - 1]),
         ratio=ratio,
         limit=limit,
         test=test,

@@ -54,7 +54,7 @@ def with_latency_and_lever_arm(
     kinds : tuple of str
         Of ``"velocity-delay"`` and ``"lever-arm"``.
     """
-    parts = [one.parameters() for one in calibration_requests(kinds)]
+    parts = [request.parameters() for request in calibration_requests(kinds)]
     extended = problem.with_constants(tuple(chain.from_iterable(parts)))
     sensors: list[Sensor] = []
     for sensor in extended.sensors:
@@ -100,11 +100,11 @@ def calibrated(constants: Parameters, solution: Solution) -> tuple[Calibrated, .
     )
 
 
-def calibration_notes(found: tuple[Calibrated, ...]) -> tuple[Note, ...]:
+def calibration_notes(calibrated: tuple[Calibrated, ...]) -> tuple[Note, ...]:
     """Return a message on each constant that is estimated because it is significant."""
     notes = []
-    for one in (one for one in found if one.is_significant):
-        others = (other for other in found if other is not one)
+    for one in (parameter for parameter in calibrated if parameter.is_significant):
+        others = (other for other in calibrated if other is not one)
         runner_up, comparison = max(others, key=lambda other: other.alone, default=None), ""
         if runner_up is not None:
             comparison = f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
@@ -118,14 +118,14 @@ def calibration_notes(found: tuple[Calibrated, ...]) -> tuple[Note, ...]:
 _NAMES = {CLOCK: "IMU clock", LATENCY: "velocity latency", LEVER_ARM: "lever-arm error"}
 
 
-def _value(one: Calibrated) -> str:
-    values, sigmas = one.value.tolist(), one.sigma.tolist()
-    if one.kind == CLOCK:
+def _value(calibrated: Calibrated) -> str:
+    values, sigmas = calibrated.value.tolist(), calibrated.sigma.tolist()
+    if calibrated.kind == CLOCK:
         return (
             f"offset {values[0]:+.4f} ± {sigmas[0]:.4f} s, "
             f"rate {values[1]:+.0f} ± {sigmas[1]:.0f} ppm"
         )
-    if one.kind == LATENCY:
+    if calibrated.kind == LATENCY:
         return f"{values[0]:.3f} ± {sigmas[0]:.3f} s"
     return ", ".join(f"{v:+.3f} ± {s:.3f}" for v, s in zip(values, sigmas, strict=True)) + " m"
 

@@ -75,7 +75,7 @@ class ClockedMotion(WrappedMotion):
         intervals = np.arange(len(self.since_s))
         before, after = states.at(intervals), states.at(intervals + 1)
         early, late = (
-            one.linearise(before, after, intervals).value for one in (self.early, self.late)
+            motion.linearise(before, after, intervals).value for motion in (self.early, self.late)
         )
         offset = (late - early) / (2 * _STEP_S)
         rate = offset * PPM * self.since_s[:, None]

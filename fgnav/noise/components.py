@@ -98,18 +98,18 @@ class NoiseComponents:
             standstill = None
         if standstill is not None:
             motion += tuple(name + AT_REST for name in motion if name in WHITE)
-        found: list[_SensorNoise] = []
-        for i, one in enumerate(problem.sensors):
-            if one.name not in sensors:
+        components: list[_SensorNoise] = []
+        for i, sensor in enumerate(problem.sensors):
+            if sensor.name not in sensors:
                 continue
-            rests = np.zeros(len(one.row), dtype=np.bool_)
-            if standstill is not None and one.name in _RESTING:
-                rests = standstill.keyframes[one.row]
-            for name, rows in ((one.name, ~rests), (one.name + AT_REST, rests)):
+            rests = np.zeros(len(sensor.row), dtype=np.bool_)
+            if standstill is not None and sensor.name in _RESTING:
+                rests = standstill.keyframes[sensor.row]
+            for name, rows in ((sensor.name, ~rests), (sensor.name + AT_REST, rests)):
                 if rows.any():
-                    found.append(_SensorNoise(name, i, np.flatnonzero(rows)))
-        names = (*motion, *dict.fromkeys(one.name for one in found))
-        return cls(problem, names, motion, tuple(found), standstill)
+                    components.append(_SensorNoise(name, i, np.flatnonzero(rows)))
+        names = (*motion, *dict.fromkeys(sensor.name for sensor in components))
+        return cls(problem, names, motion, tuple(components), standstill)
 
     def about(self, states: States) -> "NoiseComponents":
         """Return a copy with the clock's derivatives at given states, if the clock is free."""
@@ -122,12 +122,14 @@ class NoiseComponents:
         """Return the problem with standard deviations multiplied by ``exp(theta)``, (c,)."""
         factor = {name: float(f) for name, f in zip(self.names, np.exp(theta), strict=True)}
         of_sensor: dict[int, FloatArray] = {}
-        for one in self._sensors:
-            rows = self.problem.sensors[one.measurement].row
-            of_sensor.setdefault(one.measurement, np.ones(len(rows)))[one.rows] = factor[one.name]
+        for sensor in self._sensors:
+            rows = self.problem.sensors[sensor.measurement].row
+            of_sensor.setdefault(sensor.measurement, np.ones(len(rows)))[sensor.rows] = factor[
+                sensor.name
+            ]
         measurements = tuple(
-            RescaledSensor(measurement=one, factors=of_sensor[i]) if i in of_sensor else one
-            for i, one in enumerate(self.problem.sensors)
+            RescaledSensor(measurement=sensor, factors=of_sensor[i]) if i in of_sensor else sensor
+            for i, sensor in enumerate(self.problem.sensors)
         )
         white = [
             np.linalg.inv(np.linalg.cholesky(fixed + np.einsum("c,kcij->kij", variance, parts)))
@@ -140,16 +142,16 @@ class NoiseComponents:
         """Return the derivatives at the minimum of ``problem_at(theta)``."""
         c = len(self.names)
         total = Score(np.zeros(c), np.zeros(c), np.zeros((c, c)))
-        own = len(self._motion)
+        n_motion = len(self._motion)
         for k, C in self._motion_shares(theta, problem):
             r, J, P = _interval_rows(problem, solution, k)
             CM = C @ (np.eye(r.shape[1]) - J @ P @ J.swapaxes(1, 2))[:, None]
-            total.squares[:own] += np.einsum("ki,kcij,kj->c", r, C, r)
-            total.redundancy[:own] += np.einsum("kcii->c", CM)
-            total.information[:own, :own] += 2 * np.einsum("kcij,kdji->cd", CM, CM)
-        for one in self._sensors:
-            i = self.names.index(one.name)
-            r, M = _measured(problem, solution, one)
+            total.squares[:n_motion] += np.einsum("ki,kcij,kj->c", r, C, r)
+            total.redundancy[:n_motion] += np.einsum("kcii->c", CM)
+            total.information[:n_motion, :n_motion] += 2 * np.einsum("kcij,kdji->cd", CM, CM)
+        for sensor in self._sensors:
+            i = self.names.index(sensor.name)
+            r, M = _measured(problem, solution, sensor)
             total.squares[i] += float((r**2).sum())
             total.redundancy[i] += float(np.einsum("kii->", M))
             total.information[i, i] += 2 * float(np.einsum("kij,kji->", M, M))
@@ -178,15 +180,15 @@ class NoiseComponents:
         total = np.zeros(len(self.names))
         for k, C in self._motion_shares(theta, problem):
             total[: len(self._motion)] += np.einsum("kcij,kji->c", C, motion[k])
-        for one in self._sensors:
-            X = sensors[one.measurement][one.rows]
-            total[self.names.index(one.name)] += np.einsum("kii->", X)
+        for sensor in self._sensors:
+            X = sensors[sensor.measurement][sensor.rows]
+            total[self.names.index(sensor.name)] += np.einsum("kii->", X)
         return total
 
     def residuals(self, name: str, problem: Problem, solution: Solution) -> FloatArray:
         """Return whitened residuals of a component of a sensor, (k, m), in order of time."""
-        (one,) = (one for one in self._sensors if one.name == name)
-        return _measured(problem, solution, one)[0]
+        (sensor,) = (sensor for sensor in self._sensors if sensor.name == name)
+        return _measured(problem, solution, sensor)[0]
 
     def _motion_shares(
         self, theta: FloatArray, problem: Problem
@@ -243,18 +245,18 @@ def _interval_rows(
 
 
 def _measured(
-    problem: Problem, solution: Solution, one: _SensorNoise
+    problem: Problem, solution: Solution, sensor_noise: _SensorNoise
 ) -> tuple[FloatArray, FloatArray]:
     """Return residuals, (k, m), and ``M``, (k, m, m), of rows that measure something."""
-    measurement = problem.sensors[one.measurement]
-    row = measurement.row[one.rows]
-    linear: Linearised = measurement.linearise(solution.states.at(row), one.rows)
+    measurement = problem.sensors[sensor_noise.measurement]
+    keyframes = measurement.row[sensor_noise.rows]
+    linear: Linearised = measurement.linearise(solution.states.at(keyframes), sensor_noise.rows)
     J = np.concatenate([linear.state, linear.shared], axis=2)
-    X = solution.constant_cross[row]
+    X = solution.constant_cross[keyframes]
     P = np.block(
         [
-            [solution.covariance[row], X],
-            [X.swapaxes(1, 2), solution.constant_covariance[row]],
+            [solution.covariance[keyframes], X],
+            [X.swapaxes(1, 2), solution.constant_covariance[keyframes]],
         ]
     )
     measures: BoolArray = np.asarray(linear.state.any(axis=2))

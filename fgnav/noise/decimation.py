@@ -39,8 +39,8 @@ class Subset(WrappedSensor):
     def at(cls, measurement: Sensor, keyframes: IntArray) -> "Subset":
         """Return the measurements of some keyframes."""
         indices = np.flatnonzero(np.isin(measurement.row, keyframes))
-        places = np.searchsorted(keyframes, measurement.row[indices])
-        return cls(measurement=measurement, indices=indices, keyframes=places)
+        keyframe_indices = np.searchsorted(keyframes, measurement.row[indices])
+        return cls(measurement=measurement, indices=indices, keyframes=keyframe_indices)
 
     @property
     def row(self) -> IntArray:
@@ -71,22 +71,24 @@ def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     Constraints of vehicles are left out: slip of wheels has no noise that is to be identified.
     """
     problem = prepared.problem
-    sensors = tuple(one for one in problem.sensors if one.name not in _VEHICLE)
+    sensors = tuple(sensor for sensor in problem.sensors if sensor.name not in _VEHICLE)
     keyframes = _keyframes(problem, sensors)
     start = problem.start.at(keyframes)
     t_s = problem.t_s[keyframes]
     observed = []
-    for one in prepared.observed:
-        kept = np.isin(one.row, keyframes)
-        row = np.searchsorted(keyframes, one.row[kept])
-        observed.append(one._replace(row=row, epoch=one.epoch[kept]))
+    for observation in prepared.observed:
+        kept = np.isin(observation.row, keyframes)
+        row = np.searchsorted(keyframes, observation.row[kept])
+        observed.append(observation._replace(row=row, epoch=observation.epoch[kept]))
     return (
         Problem(
             t_s=t_s,
             start=start,
             motion=_motion_between(problem.motion, keyframes),
             sensors=tuple(
-                Subset.at(one, keyframes) for one in sensors if np.isin(one.row, keyframes).any()
+                Subset.at(sensor, keyframes)
+                for sensor in sensors
+                if np.isin(sensor.row, keyframes).any()
             ),
             constants=problem.constants,
             attitude_known=problem.attitude_known[keyframes],
@@ -101,7 +103,7 @@ def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:
     if not isinstance(problem.motion, Inertial):
         first = max(0, (n - _KEYFRAMES) // 2)
         return np.arange(first, min(n, first + _KEYFRAMES))
-    rows = [one.row for one in (*sensors, problem.phase) if one is not None]
+    rows = [sensor.row for sensor in (*sensors, problem.phase) if sensor is not None]
     measured = np.unique(np.concatenate(rows))
     t_s = problem.t_s[measured]
     step_s = min(_INTERVAL_S, (t_s[-1] - t_s[0]) / _KEYFRAMES)

@@ -68,7 +68,7 @@ class Hyperparameters:
     @property
     def significant(self) -> tuple[Calibrated, ...]:
         """Parameters of set-up that are not zero."""
-        return tuple(one for one in self.calibrated if one.is_significant)
+        return tuple(parameter for parameter in self.calibrated if parameter.is_significant)
 
     def applied(self, flight: Flight) -> Flight:
         """Return a flight with this noise and these times."""
@@ -82,7 +82,8 @@ class Hyperparameters:
             clock = self.clock.at(-self.middle_s) if settings.causal else self.clock
             moved = float(clock.offset_s), float(clock.rate_ppm)
             requests = tuple(
-                replace(one, moved=moved) if one.kind == CLOCK else one for one in requests
+                replace(request, moved=moved) if request.kind == CLOCK else request
+                for request in requests
             )
         return replace(with_standstill(settings, self.factors), calibration=requests)
 
@@ -97,12 +98,18 @@ class Hyperparameters:
         return prepared.changed(rescaled) if self.satellites else prepared
 
     def _requests(self, settings: ProblemSettings) -> tuple[CalibrationRequest, ...]:
-        requested = [one.kind for one in settings.calibration]
-        result = {one.kind: one for one in self.significant if one.kind not in requested}
+        requested = [parameter.kind for parameter in settings.calibration]
+        result = {
+            parameter.kind: parameter
+            for parameter in self.significant
+            if parameter.kind not in requested
+        }
         requests = calibration_requests(list(result))
         return tuple(
-            replace(one, start=float(result[LATENCY].value[0])) if one.kind == LATENCY else one
-            for one in requests
+            replace(request, start=float(result[LATENCY].value[0]))
+            if request.kind == LATENCY
+            else request
+            for request in requests
         )
 
 
@@ -186,19 +193,23 @@ def hyperparameters(
         theta, is_first = result.theta, last is None
         posterior = _posterior(at, settings, prepared, satellites, theta, is_first=is_first)
         now = calibrated(posterior.problem.constants, posterior.solution)
-        first = {one.kind: one for one in result.calibrated}
+        first = {parameter.kind: parameter for parameter in result.calibrated}
         result = replace(
             _hyperparameters(posterior),
             satellites=satellites,
             clock=clock,
             middle_s=middle_s,
             calibrated=tuple(
-                one._replace(alone=first.get(one.kind, one).alone)  # before timestamps were moved
-                for one in now
+                parameter._replace(
+                    alone=first.get(parameter.kind, parameter).alone
+                )  # before timestamps were moved
+                for parameter in now
             ),
         )
-        step = next((one for one in now if one.kind == CLOCK), None)
-        is_wrong = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
+        step = next((parameter for parameter in now if parameter.kind == CLOCK), None)
+        is_wrong = any(
+            parameter.is_significant for parameter in now if parameter.kind in (CLOCK, LATENCY)
+        )
         if step is None or not (clock or is_wrong):
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
@@ -207,10 +218,10 @@ def hyperparameters(
         clock = ClockCorrection._make(np.add(clock, last[1]).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
     moved = tuple(
-        one._replace(value=one.value + np.array(clock), is_significant=True)
-        if one.kind == CLOCK and clock
-        else one
-        for one in result.calibrated
+        parameter._replace(value=parameter.value + np.array(clock), is_significant=True)
+        if parameter.kind == CLOCK and clock
+        else parameter
+        for parameter in result.calibrated
     )
     return replace(result, clock=clock, calibrated=moved), prepared
 
@@ -252,11 +263,11 @@ def _posterior(
     problem, keyframes = decimated(prepared)
     if problem.phase is not None and satellites:
         problem = replace(problem, phase=with_errors(problem.phase, satellites))
-    requested = [one.kind for one in settings.calibration]
+    requested = [parameter.kind for parameter in settings.calibration]
     fixes = flight.fixes if flight.observations is None else ()
-    has_velocities = any(one.v_n_mps is not None for one in fixes)
+    has_velocities = any(fix.v_n_mps is not None for fix in fixes)
     wanted = (LATENCY, LEVER_ARM) if has_velocities else (LEVER_ARM,)
-    kinds = tuple(one for one in wanted if one not in requested)
+    kinds = tuple(request for request in wanted if request not in requested)
     problem = with_latency_and_lever_arm(problem, prepared.timed.at(keyframes), kinds)
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         problem = with_clock(problem)

@@ -47,9 +47,9 @@ def unstated(flight: Flight) -> tuple[str, ...]:
         names += tuple(name for name, field in FIELDS.items() if field.name in flight.imu.unstated)
     if flight.observations is not None:
         return (*names, "velocity") if "doppler_mps" in flight.gnss_noise.unstated else names
-    of_receivers = (*(one.unstated for one in flight.fixes),)
-    of_receivers += (*(one.unstated for one in flight.baselines),)
-    return names + tuple(dict.fromkeys(name for part in of_receivers for name in part))
+    of_receivers = (*(fix.unstated for fix in flight.fixes),)
+    of_receivers += (*(baseline.unstated for baseline in flight.baselines),)
+    return names + tuple(dict.fromkeys(name for receiver in of_receivers for name in receiver))
 
 
 def with_factors(flight: Flight, factors: Mapping[str, float]) -> Flight:

@@ -112,7 +112,7 @@ def noise_posterior(
         other_maximum = _climbed(components, prior, other)
     except NoSolutionError:
         return first
-    return max(first, other_maximum, key=lambda one: one.log_density(prior))
+    return max(first, other_maximum, key=lambda component: component.log_density(prior))
 
 
 def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
@@ -151,7 +151,7 @@ def _begin(components: NoiseComponents, theta: FloatArray) -> tuple[FloatArray, 
     """
     names, problem = components.names, components.problem
     raised = [i for i, name in enumerate(names) if name in (*WHITE, *INSTRUMENTS)]
-    rows = sum(int(one.freedom.sum()) for one in problem.sensors)
+    rows = sum(int(sensor.freedom.sum()) for sensor in problem.sensors)
     if problem.phase is not None:
         rows += int(problem.phase.freedom.sum())
     states = problem.start

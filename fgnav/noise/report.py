@@ -86,12 +86,14 @@ def implausible(flight: Flight, result: Hyperparameters) -> dict[str, float]:
         for name, factor in result.factors.items()
         if not name.startswith(WHITE) and name.removesuffix(AT_REST) not in given
     }
-    for one in result.significant:
-        if one.kind == LEVER_ARM:
-            ratios["lever arm"] = float(np.linalg.norm(one.value)) / (_SIGMAS * _MEASURED_M)
-        if one.kind == LATENCY:
-            sigma_s = one.prior_sigma if one.value[0] > 0.0 else float(one.sigma[0])
-            ratios["velocity latency"] = abs(float(one.value[0])) / (_SIGMAS * sigma_s)
+    for parameter in result.significant:
+        if parameter.kind == LEVER_ARM:
+            ratios["lever arm"] = float(np.linalg.norm(parameter.value)) / (_SIGMAS * _MEASURED_M)
+        if parameter.kind == LATENCY:
+            sigma_s = (
+                parameter.prior_sigma if parameter.value[0] > 0.0 else float(parameter.sigma[0])
+            )
+            ratios["velocity latency"] = abs(float(parameter.value[0])) / (_SIGMAS * sigma_s)
     if imu is not None:
         epochs = flight.observations if imu.w_b_radps is None else None
         if epochs is None or np.median(np.diff(epochs.t_s)) < _NEAR_S:

@@ -103,17 +103,19 @@ class SatelliteErrors:
         blocks = list(phase.blocks[:_SUFFICIENT])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
-        measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
+        measured = [np.zeros((block.size + 1, block.size + 1)) for block in blocks]
         for i, block in enumerate(phase.block - phase.first_block):
             if block < len(blocks):
                 rows = np.column_stack(phase.rows[i].without_place())
                 measured[block] += rows.T @ rows
                 self.count[-1] += len(rows)
-        self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
-        self._eliminated = sum(one.size for one in blocks[:-1])
-        parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
-        self._rows = [np.concatenate([one.ravel() for one in columns]) for columns in parts]
-        self._measured = np.concatenate([one.ravel() for one in measured])
+        self._shapes = np.array([(*block.before.shape, block.size) for block in blocks])
+        self._eliminated = sum(block.size for block in blocks[:-1])
+        parts = (
+            [getattr(block, name) for block in blocks] for name in ("before", "after", "right")
+        )
+        self._rows = [np.concatenate([column.ravel() for column in columns]) for columns in parts]
+        self._measured = np.concatenate([measurement.ravel() for measurement in measured])
 
     def climbed(self, theta: FloatArray, i: int) -> FloatArray:
         """Return logarithms of factors, (5,), the i-th of them the most probable."""
@@ -223,7 +225,7 @@ def _next_block(
     before, after, right = rows
     new = after.shape[1]
     n = size + new + 1
-    joint, row = np.zeros((n, n)), np.zeros(n)
+    joint, vector = np.zeros((n, n)), np.zeros(n)
     for i in range(size):
         for j in range(i, size):
             joint[i, j] = information[i, j]
@@ -231,24 +233,24 @@ def _next_block(
     joint[n - 1, n - 1] = information[size, size]
     for k in range(len(right)):
         for i in range(before.shape[1]):
-            row[i] = -before[k, i]
+            vector[i] = -before[k, i]
         for i in range(new):
-            row[size + i] = after[k, i]
-        row[n - 1] = right[k]
+            vector[size + i] = after[k, i]
+        vector[n - 1] = right[k]
         for i in range(n):
-            scale = weight[k] * row[i]
+            scale = weight[k] * vector[i]
             if scale != 0.0:
                 for j in range(i, n):
-                    joint[i, j] += scale * row[j]
+                    joint[i, j] += scale * vector[j]
     return _eliminate(joint, size), joint
 
 
 @kernel
 def _eliminate(joint: FloatArray, size: int) -> bool:
     """Turn the first rows into those of the Cholesky factor; return whether they have digits."""
-    n, whole = len(joint), np.diag(joint).copy()
+    n, diagonal = len(joint), np.diag(joint).copy()
     for k in range(size):
-        if not joint[k, k] > _NOTHING * whole[k]:
+        if not joint[k, k] > _NOTHING * diagonal[k]:
             return False
         scale = 1.0 / np.sqrt(joint[k, k])
         for j in range(k, n):

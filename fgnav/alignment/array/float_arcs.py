@@ -148,8 +148,8 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     first = np.flatnonzero(np.concatenate([[True], ~same]))
     runs: list[IntArray] = []
     for rows in np.split(wanted, first[1:]):
-        turn = ((start.t_s[rows] - start.t_s[rows[0]]) // _LONGEST_S).astype(np.int64)
-        runs += np.split(rows, np.flatnonzero(np.diff(turn)) + 1)
+        block = ((start.t_s[rows] - start.t_s[rows[0]]) // _LONGEST_S).astype(np.int64)
+        runs += np.split(rows, np.flatnonzero(np.diff(block)) + 1)
     return [rows for rows in runs if len(rows) >= _MINIMUM]
 
 
@@ -159,18 +159,18 @@ def _attitude_at_end(start: Alignment, rows: IntArray) -> tuple[FloatArray | Non
     The body turns on as it did over the last attitudes on that side.
     """
     t_s, R_nb, good = start.t_s, start.R_nb, np.flatnonzero(start.valid)
-    place = int(np.searchsorted(good, rows[0]))  # of the first known after the run
-    ends = [(rows[0], place - 1, -1, 0), (rows[-1], place, 1, -1)]
-    for row, at, side, anchor in ends:
-        if not (0 <= at < len(good) and abs(t_s[row] - t_s[good[at]]) <= _NEAR_S):
+    index = int(np.searchsorted(good, rows[0]))  # of the first known after the run
+    ends = [(rows[0], index - 1, -1, 0), (rows[-1], index, 1, -1)]
+    for epoch, at, side, anchor in ends:
+        if not (0 <= at < len(good) and abs(t_s[epoch] - t_s[good[at]]) <= _NEAR_S):
             continue
         near = good[at]
         away = near + side * _RATE_EPOCHS
         if not (0 <= away < len(t_s) and start.valid[away]):
             return R_nb[near], anchor
-        share = (t_s[row] - t_s[near]) / (t_s[near] - t_s[away])
-        turn = log(R_nb[away].T[None] @ R_nb[near][None])
-        return (R_nb[near] @ exp(share * turn))[0], anchor
+        share = (t_s[epoch] - t_s[near]) / (t_s[near] - t_s[away])
+        rotation = log(R_nb[away].T[None] @ R_nb[near][None])
+        return (R_nb[near] @ exp(share * rotation))[0], anchor
     return None, 0
 
 
@@ -217,8 +217,8 @@ def _adjusted(form: RotationQuadratic, R_nb: FloatArray) -> FloatArray:
         N = (W - share @ by_turn).sum(axis=0) + np.eye(ELEMENTS) / _UNKNOWN**2
         remainder = (pull - np.einsum("kij,kj->ki", share, along)).sum(axis=0) + u / _UNKNOWN**2
         step = -np.linalg.solve(N, remainder)
-        turn = -np.einsum("kij,kj->ki", K, along + by_turn @ step)
-        R_nb, u = R_nb @ exp(turn), u + step
-        if max(np.abs(step).max(), np.abs(turn).max()) < _SETTLED:
+        rotation = -np.einsum("kij,kj->ki", K, along + by_turn @ step)
+        R_nb, u = R_nb @ exp(rotation), u + step
+        if max(np.abs(step).max(), np.abs(rotation).max()) < _SETTLED:
             break
     return R_nb

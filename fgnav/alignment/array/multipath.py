@@ -38,12 +38,12 @@ def correlated_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...
         return None, ()
     differences, ranges_m = start.phases
     epoch = start.epochs_of(differences.t_s)
-    seen = (epoch >= 0) & start.valid
-    rows = epoch[seen]
+    valid = (epoch >= 0) & start.valid
+    rows = epoch[valid]
     if len(rows) < _MINIMUM:
         return None, ()
     kept_rows = rows[-_MOST:]
-    residuals = link_residuals(differences, ranges_m, kept_rows, start.R_nb[seen][-_MOST:])
+    residuals = link_residuals(differences, ranges_m, kept_rows, start.R_nb[valid][-_MOST:])
     process = correlated_process(differences.t_s[kept_rows], residuals)
     if process is None:
         return None, ()
@@ -77,10 +77,10 @@ def link_residuals(
     part_m = ranges_m[rows] + np.einsum(
         "kij,bj,kmi->kbm", R_nb, differences.baselines_b_m, differences.e_n[rows]
     )
-    seen, variance_m2 = np.isfinite(part_m), differences.phase_variance_m2[rows]
-    links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+    finite, variance_m2 = np.isfinite(part_m), differences.phase_variance_m2[rows]
+    links = np.concatenate([finite.any(axis=1, keepdims=True), finite], axis=1)
     values: FloatArray = np.zeros((*links.shape, 1))
-    values[:, 1:, :, 0] = np.where(seen, part_m, 0.0)
+    values[:, 1:, :, 0] = np.where(finite, part_m, 0.0)
     left = clock_free(differences.group, links, variance_m2, values).weighted[..., 0]
     sigmas = left * np.sqrt(variance_m2)[:, None]
     alone = links.sum(axis=1, keepdims=True) < 2
@@ -161,16 +161,16 @@ def _kept(
     """Compute the transitions between keyframes, (n - 1, q, q); see ``Multipath``."""
     links: BoolArray = np.isfinite(ranges_m)
     information = RotationQuadratic.of_ranges(differences, ranges_m).information
-    seen = np.flatnonzero(epoch >= 0)
-    seen = seen[information[epoch[seen]].any(axis=(1, 2))]
+    present = np.flatnonzero(epoch >= 0)
+    present = present[information[epoch[present]].any(axis=(1, 2))]
     kept = np.tile(np.eye(basis.shape[1]), (len(epoch) - 1, 1, 1))
-    if len(seen) < 2:
+    if len(present) < 2:
         return kept
-    of = epoch[seen]
+    of = epoch[present]
     _, inverse = symmetric_root(information[of])
     both_m = np.full_like(ranges_m, np.nan)
     both_m[of[1:]] = np.where(links[of[1:]] & links[of[:-1]], ranges_m[of[1:]], np.nan)
     both = RotationQuadratic.of_ranges(differences, both_m).information[of[1:]]
     U, size, Vt = np.linalg.svd(basis.T @ (inverse[1:] @ both @ inverse[:-1]) @ basis)
-    kept[seen[1:] - 1] = (U * size.clip(max=1.0)[:, None]) @ Vt  # weights drift by rounding
+    kept[present[1:] - 1] = (U * size.clip(max=1.0)[:, None]) @ Vt  # weights drift by rounding
     return kept

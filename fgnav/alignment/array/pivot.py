@@ -56,14 +56,14 @@ def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
 
 def pivot_unused(views: tuple[View, ...], unused: tuple[Unused, ...]) -> tuple[Unused, ...]:
     """Return the unused of all views, added up, less what one loses and another makes up for."""
-    flight, seen = views[0].flight, views[0].flight.observations
+    flight, observations = views[0].flight, views[0].flight.observations
     counts: Counter[tuple[str, str]] = Counter()
     for loss in unused:
         counts[loss.what, loss.reason] += loss.count
     for view in views[1:]:
-        if seen is None:
+        if observations is None:
             break
-        tracked = np.isfinite(seen.code_m[view.rows])
+        tracked = np.isfinite(observations.code_m[view.rows])
         used = (tracked & ~tracked[:, :1]).sum(axis=(0, 2))
         for antenna, count in zip(flight.antennas, used, strict=True):
             counts[f"{antenna.name} link", _AGAINST] -= int(count)
@@ -87,6 +87,6 @@ def pivot_notes(views: tuple[View, ...]) -> Iterator[Note]:
 def _by(flight: Flight, observations: Observations, reference: int, rows: IntArray) -> Flight:
     """Select epochs of a flight and make an antenna the first one."""
     order = [reference, *(k for k in range(len(flight.antennas)) if k != reference)]
-    part = replace(observations[rows].of_antennas(np.array(order)), unused=())
+    selected = replace(observations[rows].of_antennas(np.array(order)), unused=())
     antennas = tuple(flight.antennas[k] for k in order)
-    return replace(flight, antennas=antennas, observations=part, unused=())
+    return replace(flight, antennas=antennas, observations=selected, unused=())

@@ -61,18 +61,20 @@ def array_shape(
     differences, ranges_m = start.phases
     epoch = start.epochs_of(differences.t_s)
     information, vector = baseline_information(differences, ranges_m)
-    row = np.flatnonzero((epoch >= 0) & start.valid)
-    row = row[information[epoch[row]].any(axis=(1, 2))]
-    root, minimum = square_root(information[epoch[row]], vector[epoch[row]])
+    keyframes = np.flatnonzero((epoch >= 0) & start.valid)
+    keyframes = keyframes[information[epoch[keyframes]].any(axis=(1, 2))]
+    root, minimum = square_root(information[epoch[keyframes]], vector[epoch[keyframes]])
     nominal_b_m = differences.baselines_b_m.copy()
     of_rotation = root @ np.einsum("ia,bc->bica", np.eye(3), nominal_b_m).reshape(-1, 9)
-    raised = np.einsum("nii->n", start.form.information[row]) / (of_rotation**2).sum(axis=(1, 2))
-    for place, off_b_m in offs.items():
-        nominal_b_m[place] -= off_b_m
+    raised = np.einsum("nii->n", start.form.information[keyframes]) / (of_rotation**2).sum(
+        axis=(1, 2)
+    )
+    for off, off_b_m in offs.items():
+        nominal_b_m[off] -= off_b_m
     return ArrayShape(
-        row=row,
+        row=keyframes,
         root=np.sqrt(raised)[:, None, None] * root,
-        minimum_n_m=minimum.reshape(len(row), -1, 3),
+        minimum_n_m=minimum.reshape(len(keyframes), -1, 3),
         baselines_b_m=nominal_b_m,
         antennas=names[1:],
     )
@@ -114,13 +116,13 @@ def initial_shape(
         Returns the flight's fixed phases.
     """
     parts = antenna_parts(constants, tuple(antenna.name for antenna in flight.antennas))
-    places = [i for i, k in enumerate(parts) if k >= 0]
-    if not places:
+    antennas = [i for i, k in enumerate(parts) if k >= 0]
+    if not antennas:
         return flight, constants
-    variance_m2 = np.concatenate([np.diag(constants[parts[i]].covariance) for i in places])
-    off_m = _shape(fixed(), places, variance_m2)
+    variance_m2 = np.concatenate([np.diag(constants[parts[i]].covariance) for i in antennas])
+    off_m = _shape(fixed(), antennas, variance_m2)
     moved, started = list(flight.antennas), list(constants)
-    for i, off_b_m in zip(places, off_m, strict=True):
+    for i, off_b_m in zip(antennas, off_m, strict=True):
         antenna = moved[i + 1]
         moved[i + 1] = replace(antenna, position_b_m=antenna.position_b_m + off_b_m)
         started[parts[i]] = replace(started[parts[i]], start=off_b_m)
@@ -134,8 +136,8 @@ def is_shape_estimated(constants: tuple[Parameter, ...]) -> bool:
 
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:
     """Find the constant that is the position of each antenna but the reference; -1 of none."""
-    places = {constant.name: k for k, constant in enumerate(constants)}
-    return tuple(places.get(f"antenna {name}", -1) for name in names[1:])
+    index_of = {constant.name: k for k, constant in enumerate(constants)}
+    return tuple(index_of.get(f"antenna {name}", -1) for name in names[1:])
 
 
 def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> FloatArray:
@@ -183,5 +185,5 @@ def _step(
     weighted = by_turn.swapaxes(1, 2) @ J
     normal = weighted @ by_turn
     inverse = np.linalg.pinv(normal, hermitian=True)
-    turn = np.einsum("nij,nkj,nk->ni", inverse, by_turn, slope)
-    return turn, inverse @ (weighted @ by_place)
+    rotation = np.einsum("nij,nkj,nk->ni", inverse, by_turn, slope)
+    return rotation, inverse @ (weighted @ by_place)

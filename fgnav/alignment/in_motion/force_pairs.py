@@ -42,19 +42,19 @@ def specific_forces(
     first_s: float | None = None,
 ) -> Iterator[Pairs]:
     """Yield the pairs of velocities and of positions over spans between fixes about T apart."""
-    row = np.flatnonzero(integrated.covers(track.t_s))
-    row = row[_spaced(track.t_s[row], span_s, first_s)]
-    t_s = track.t_s[row]
+    epochs = np.flatnonzero(integrated.covers(track.t_s))
+    epochs = epochs[_spaced(track.t_s[epochs], span_s, first_s)]
+    t_s = track.t_s[epochs]
     velocity_u, place_u = integrated.at(t_s)
-    if track.v_n_mps is not None and len(row) > 1:
+    if track.v_n_mps is not None and len(epochs) > 1:
         dt = np.diff(t_s)[:, None]
-        f_n = np.diff(track.v_n_mps[row], axis=0) / dt - gravity_n_mps2
+        f_n = np.diff(track.v_n_mps[epochs], axis=0) / dt - gravity_n_mps2
         valid = _regular(t_s[:-1], t_s[1:], span_s) & np.isfinite(f_n).all(axis=1)
         yield Pairs(
             t_s[:-1][valid], t_s[1:][valid], f_n[valid], (np.diff(velocity_u, axis=0) / dt)[valid]
         )
-    if len(row) > 2:
-        f_n = _second_difference(t_s, track.p_n_m[row]) - gravity_n_mps2
+    if len(epochs) > 2:
+        f_n = _second_difference(t_s, track.p_n_m[epochs]) - gravity_n_mps2
         valid = _regular(t_s[:-2], t_s[2:], 2 * span_s) & np.isfinite(f_n).all(axis=1)
         f_u = _second_difference(t_s, place_u)
         yield Pairs(t_s[:-2][valid], t_s[2:][valid], f_n[valid], f_u[valid])
@@ -74,18 +74,18 @@ class Integrated:
 
     def covers(self, t_s: FloatArray) -> BoolArray:
         """Select the times, (n,), that the record covers outside of its gaps."""
-        row = np.searchsorted(self._t_s, t_s, side="right") - 1
-        age_s = t_s - self._t_s[row.clip(0)]
-        return np.asarray((row >= 0) & (age_s <= LONGEST_GAP_S))
+        interval = np.searchsorted(self._t_s, t_s, side="right") - 1
+        age_s = t_s - self._t_s[interval.clip(0)]
+        return np.asarray((interval >= 0) & (age_s <= LONGEST_GAP_S))
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return velocity and place, (n, 3), by samples up to each time, the last one held."""
-        row = (np.searchsorted(self._t_s, t_s, side="right") - 1).clip(0)
-        since_s = (t_s - self._t_s[row])[:, None]
-        f_u, R_ub = self._f_u[row], self._rotation.at(t_s)
-        swing_b = np.cross(self._rotation.w_b_radps[row], self._arm_b_m)
-        v_u = self._v_u[row] + f_u * since_s + np.einsum("nij,nj->ni", R_ub, swing_b)
-        p_u = self._p_u[row] + self._v_u[row] * since_s + f_u * since_s**2 / 2
+        interval = (np.searchsorted(self._t_s, t_s, side="right") - 1).clip(0)
+        since_s = (t_s - self._t_s[interval])[:, None]
+        f_u, R_ub = self._f_u[interval], self._rotation.at(t_s)
+        swing_b = np.cross(self._rotation.w_b_radps[interval], self._arm_b_m)
+        v_u = self._v_u[interval] + f_u * since_s + np.einsum("nij,nj->ni", R_ub, swing_b)
+        p_u = self._p_u[interval] + self._v_u[interval] * since_s + f_u * since_s**2 / 2
         return v_u, p_u + R_ub @ self._arm_b_m
 
 

@@ -180,21 +180,21 @@ def _windows(pairs: Pairs, after_s: float) -> Columns:
     """Return the windows, (k,), whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     count = np.arange(1, len(first) + 1) - first
-    which = np.flatnonzero((count >= _MINIMUM + 2) & (pairs.until_s > after_s))
-    if not len(which):
+    selected = np.flatnonzero((count >= _MINIMUM + 2) & (pairs.until_s > after_s))
+    if not len(selected):
         return _concatenated([])
-    row = first[which, None] + np.arange(_MOST)
-    within = row <= which[:, None]
-    row = np.minimum(row, which[:, None])
-    t_s = (pairs.from_s + pairs.until_s)[row] / 2
-    f_n, f_u = (f[row] * within[..., None] for f in (pairs.f_n_mps2, pairs.f_u_mps2))
+    samples = first[selected, None] + np.arange(_MOST)
+    within = samples <= selected[:, None]
+    samples = np.minimum(samples, selected[:, None])
+    t_s = (pairs.from_s + pairs.until_s)[samples] / 2
+    f_n, f_u = (f[samples] * within[..., None] for f in (pairs.f_n_mps2, pairs.f_u_mps2))
     R_nu, sigma_rad, size = _headings(t_s, f_n, f_u, within)
     determined = np.flatnonzero(sigma_rad < KNOWN_RAD)
-    row, t_s, size = row[determined], t_s[determined], size[determined]
+    samples, t_s, size = samples[determined], t_s[determined], size[determined]
     share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
     begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
     k = np.arange(len(determined))
-    until_s, begun_s = pairs.until_s[which[determined]], pairs.from_s[row[k, begun]]
+    until_s, begun_s = pairs.until_s[selected[determined]], pairs.from_s[samples[k, begun]]
     return until_s, begun_s, t_s[k, middle], R_nu[determined], sigma_rad[determined]
 
 

@@ -42,9 +42,9 @@ class ArcNames(NamedTuple):
             members = np.flatnonzero(self.group == group)
             oldest = members[self.arc[members].argmin()]
             for other in members[members != oldest]:
-                row = np.zeros(len(self.arc))
-                row[other], row[oldest] = 1.0, -1.0
-                rows.append(row)
+                coefficients = np.zeros(len(self.arc))
+                coefficients[other], coefficients[oldest] = 1.0, -1.0
+                rows.append(coefficients)
         return np.array(rows).reshape(-1, len(self.arc))
 
     @property
@@ -97,11 +97,11 @@ class Ambiguities(NamedTuple):
         """Update the ambiguities by rows ``H A = z`` of unit variance."""
         return Ambiguities(self.information + H.T @ H, self.vector + H.T @ z)
 
-    def constrained(self, one: Constraint) -> "Ambiguities":
+    def constrained(self, constraint: Constraint) -> "Ambiguities":
         """Update the ambiguities by a constraint on this block's arcs."""
-        rows, right = one.whitened
+        rows, right = constraint.whitened
         H = np.zeros((len(right), len(self.vector)))
-        H[:, : len(one.arc)] = rows
+        H[:, : len(constraint.arc)] = rows
         return self.measured(H, right)
 
     def solved(self) -> tuple[FloatArray, FloatArray]:

@@ -78,14 +78,16 @@ def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMoti
     )
 
 
-def _with_partial(velocity: VectorSeries, part: PartialVelocity, t_s: FloatArray) -> VectorSeries:
+def _with_partial(
+    velocity: VectorSeries, partial_velocity: PartialVelocity, t_s: FloatArray
+) -> VectorSeries:
     """Take in directions of velocity at keyframes with too few satellites for a position."""
-    if not len(part.t_s):
+    if not len(partial_velocity.t_s):
         return velocity
-    at, same = nearest(part.t_s, t_s)
+    at, same = nearest(partial_velocity.t_s, t_s)
     same &= ~velocity.valid
     value, root = velocity.value.copy(), np.zeros((len(t_s), 3, 3))
-    value[same], root[same] = part.v_n_mps[at[same]], part.root[at[same]]
+    value[same], root[same] = partial_velocity.v_n_mps[at[same]], partial_velocity.root[at[same]]
     return replace(velocity, value=value, partial=root)
 
 
@@ -138,9 +140,9 @@ def _timed(
     antenna: str,
 ) -> VectorSeries:
     """Return values at keyframes: the row of each, and whether it is of the same time."""
-    row, matched = at
-    value = np.where(matched[:, None], value[row], np.nan)
-    return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m, antenna=antenna)
+    index, matched = at
+    value = np.where(matched[:, None], value[index], np.nan)
+    return VectorSeries(value=value, covariance=covariance[index], arm_b_m=arm_b_m, antenna=antenna)
 
 
 def _diagonal(sigma: FloatArray) -> FloatArray:

@@ -71,15 +71,15 @@ def with_integers(live: LiveRows, t_s: FloatArray, *, causal: bool) -> BaseInteg
             if jumped := slips(state, H, z, names[j]):
                 return BaseIntegers((), fixed, 0.0, (), jumped, i)
             state = state.measured(H, z)
-        one, fixed[j] = _searched(j, names[j], state)
-        if one is not None:
-            constraints.append(one)
-            state = state.constrained(one)
+        change, fixed[j] = _searched(j, names[j], state)
+        if change is not None:
+            constraints.append(change)
+            state = state.constrained(change)
         span_s = float(epoch_s[ends[j]]), float(epoch_s[ends[j + 1] - 1])
         _note(arcs, span_s, names[j], state, constraints)
     if not causal:
-        for one in constraints:
-            fixed[_first_with(names, one) : one.block + 1] = True
+        for change in constraints:
+            fixed[_first_with(names, change) : change.block + 1] = True
     success = float(np.prod([constraint.success for constraint in constraints]))
     out = _entered(blocks, names, constraints, causal=causal)
     return BaseIntegers(out, fixed, 1 - success, tuple(arcs.values()))
@@ -163,24 +163,26 @@ def _entered(
     return OnDemand(len(blocks), lambda j: changed[j] if j in changed else blocks[j])
 
 
-def _first_with(names: list[ArcNames], one: Constraint) -> int:
+def _first_with(names: list[ArcNames], constraint: Constraint) -> int:
     """Return the first block that has all arcs of a constraint."""
-    arcs, at = one.arc[one.used], one.block
+    arcs, at = constraint.arc[constraint.used], constraint.block
     while at and np.isin(arcs, names[at - 1].arc).all():
         at -= 1
     return at
 
 
-def _constrained(block: ArcBlock, of: ArcNames, one: Constraint, *, causal: bool) -> ArcBlock:
+def _constrained(
+    block: ArcBlock, of: ArcNames, constraint: Constraint, *, causal: bool
+) -> ArcBlock:
     """Return a block that knows integers: of the A before it, or of its own."""
-    (rows, right), k = one.whitened, len(one.right)
+    (rows, right), k = constraint.whitened, len(constraint.right)
     before, after = np.zeros((k, block.before.shape[1])), np.zeros((k, block.size))
     if causal:
-        before[:, : len(one.arc)] = -rows
+        before[:, : len(constraint.arc)] = -rows
     else:
-        place = {int(arc): i for i, arc in enumerate(of.arc)}
-        used = np.flatnonzero(one.used)
-        after[:, [place[int(one.arc[i])] for i in used]] = rows[:, used]
+        index_of = {int(arc): i for i, arc in enumerate(of.arc)}
+        used = np.flatnonzero(constraint.used)
+        after[:, [index_of[int(constraint.arc[i])] for i in used]] = rows[:, used]
     return block._replace(
         before=np.vstack([block.before, before]),
         after=np.vstack([block.after, after]),

@@ -98,8 +98,8 @@ class ByObservations:
     def serves_for(self, other: "ByObservations") -> bool:
         """Return True if another flight has the same observations, antennas and settings."""
         ours, theirs = (
-            (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
-            for one in (self, other)
+            (key.resolver, key.false_alarm, key.causal, key.flight.gnss_noise)
+            for key in (self, other)
         )
         return (
             ours == theirs
@@ -124,8 +124,8 @@ class LastObservations:
         if flight.observations is None:
             return None
         new = ByObservations(flight, settings.resolver, settings.false_alarm, settings.causal)
-        by = next((one for one in self._last if one.serves_for(new)), new)
-        self._last = (by, *(one for one in self._last if one is not by))[:_KEPT]
+        by = next((entry for entry in self._last if entry.serves_for(new)), new)
+        self._last = (by, *(entry for entry in self._last if entry is not by))[:_KEPT]
         return by
 
 

@@ -92,7 +92,7 @@ def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
     placed = antenna.positions if antenna.phases else tuple(positions.values())
     return Gated(
         replace(antenna, positions=placed, velocities=tuple(velocities.values())),
-        tuple(one for test in tests for one in _listed(t_s, *test)),
+        tuple(rejection for test in tests for rejection in _listed(t_s, *test)),
         tuple(
             Unused(what=what, reason="off its neighbours", count=int((error > 0).sum()))
             for what, _, _, error in tests
@@ -178,8 +178,8 @@ def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray
     belongs &= near | (np.abs(neighbours) <= _LEAST)
     # What does not belong is sorted to the end; numpy's own nanmedian takes three times as long.
     ordered = np.sort(np.where(belongs[..., None], values[inside], np.inf), axis=1)
-    count, row = belongs.sum(axis=1), np.arange(len(t_s))
-    return np.asarray((ordered[row, (count - 1) // 2] + ordered[row, count // 2]) / 2)
+    count, indices = belongs.sum(axis=1), np.arange(len(t_s))
+    return np.asarray((ordered[indices, (count - 1) // 2] + ordered[indices, count // 2]) / 2)
 
 
 def _listed(

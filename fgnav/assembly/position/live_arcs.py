@@ -71,16 +71,16 @@ def live_rows(
 
     Of epochs after ``earlier`` alone.
     """
-    names = dict.fromkeys(name for one in observed for name in one.of.satellites)
+    names = dict.fromkeys(name for observation in observed for name in observation.of.satellites)
     if earlier is not None:
         names |= dict.fromkeys(earlier.satellites)
     number = {name: k for k, name in enumerate(sorted(names))}
     arcs, first = [], 0
     at: dict[int, tuple[NumberedArcs, int]] = {}
-    for one in observed:
-        arcs.append(numbered(one, first, number, R_nb, earlier))
+    for observation in observed:
+        arcs.append(numbered(observation, first, number, R_nb, earlier))
         first = max(first, 1 + int(arcs[-1].arc.max(initial=-1)))
-        for k, i in zip(one.row.tolist(), one.epoch.tolist(), strict=True):
+        for k, i in zip(observation.row.tolist(), observation.epoch.tolist(), strict=True):
             at[k] = arcs[-1], i
     live, first_block = _resumed(earlier, number)
     starts: list[_BlockStart] = []
@@ -167,7 +167,9 @@ def _channels(of: NumberedArcs, i: int) -> tuple[IntArray, IntArray]:
 
 def _freedom(of: NumberedArcs, i: int) -> int:
     """Count the combinations of an epoch's channels that are free of clocks."""
-    return sum(len(part) - len(set(of.of.group[part].tolist())) for part in _channels(of, i))
+    return sum(
+        len(channel) - len(set(of.of.group[channel].tolist())) for channel in _channels(of, i)
+    )
 
 
 def _next(of: NumberedArcs, i: int, before: LiveBlock | None, t_s: float) -> LiveBlock:

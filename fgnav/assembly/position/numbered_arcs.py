@@ -68,7 +68,7 @@ class EarlierArcs(NamedTuple):
 
 
 def numbered(
-    one: Observed,
+    observed: Observed,
     first: int,
     number: dict[str, int],
     R_nb: FloatArray,
@@ -78,18 +78,18 @@ def numbered(
 
     Phase less code of each arc's first epoch is taken off, so that numbers are small.
     """
-    of, phase_m = one.of, one.of.phase_m.copy()
+    of, phase_m = observed.of, observed.of.phase_m.copy()
     continuing, now = _known_links(of, earlier)
     total = np.zeros(phase_m.shape)
-    if of.pole_n is not None and len(one.row):
-        wound = wind_up_cycles(of.e_n[one.epoch], R_nb[one.row], of.pole_n)
+    if of.pole_n is not None and len(observed.row):
+        wound = wind_up_cycles(of.e_n[observed.epoch], R_nb[observed.row], of.pole_n)
         if of.integers:  # a base's antenna looks up, its front to the north
-            still = np.broadcast_to(np.eye(3), (len(one.row), 3, 3))
-            wound -= wind_up_cycles(of.e_n[one.epoch], still, of.pole_n)
-        total[one.epoch] = wound
+            still = np.broadcast_to(np.eye(3), (len(observed.row), 3, 3))
+            wound -= wind_up_cycles(of.e_n[observed.epoch], still, of.pole_n)
+        total[observed.epoch] = wound
         for j, (_, _, cycles) in continuing.items():  # counted on from an earlier epoch
             total[:, j] += np.rint(cycles - total[now, j])
-        phase_m[one.epoch] -= of.wavelength_m * total[one.epoch]
+        phase_m[observed.epoch] -= of.wavelength_m * total[observed.epoch]
     epoch, channel = np.nonzero(of.arc >= 0)
     arc, code_m = of.arc[epoch, channel], of.code_m[epoch, channel]
     difference_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
@@ -105,8 +105,8 @@ def numbered(
         phase_less_code_m=phase_m - of.code_m,
         arc=np.where(of.arc >= 0, ids[of.arc.clip(0)], -1) if len(ids) else of.arc,
         satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
-        arm_b_m=one.arm_b_m,
-        antenna=one.antenna,
+        arm_b_m=observed.arm_b_m,
+        antenna=observed.antenna,
         offset_m=offset_m,
         wound=total,
     )

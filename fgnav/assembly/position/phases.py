@@ -54,7 +54,7 @@ def antenna_phase(
     rejections: list[Rejected] = []
     live = live_rows(observed, t_s, R_nb, earlier)
     resolved: BaseIntegers | None = None
-    if any(one.of.integers for one in observed):
+    if any(observation.of.integers for observation in observed):
         resolved = with_integers(live, t_s, causal=causal)
         while resolved.slips:
             observed, noted = _parted(observed, t_s, live, resolved)

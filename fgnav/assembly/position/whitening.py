@@ -26,7 +26,7 @@ def by_clock(*groups: IntArray) -> tuple[IntArray, IntArray]:
     *groups : ndarray of int
         Carriers of channels that share no clock with the others: of phases, of codes.
     """
-    kind = np.repeat(np.arange(len(groups)), [len(one) for one in groups])
+    kind = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     group = np.concatenate(groups)
     order = np.lexsort((group, kind))
     changes = (np.diff(group[order]) != 0) | (np.diff(kind[order]) != 0)
@@ -69,8 +69,8 @@ def whitened_rows(
         if satellite[i] >= 0:
             A[i, ambiguities + satellite[i]] = 1.0
             A[i, ambiguities + satellites + satellite[i]] = age_s
-    place = without_clocks(clock, sigma, measured)
-    return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
+    clock_free = without_clocks(clock, sigma, measured)
+    return clock_free[:, :3].copy(), without_clocks(clock, sigma, A), clock_free[:, 3].copy()
 
 
 @kernel

@@ -26,16 +26,18 @@ def sight(
     """
     if photodetector is None:
         return None, ()
-    seen = line_of_sight(photodetector, causal=causal)
-    if not len(seen.t_s):
-        return None, seen.unused
-    row, matched = nearest(seen.t_s, t_s)
+    directions = line_of_sight(photodetector, causal=causal)
+    if not len(directions.t_s):
+        return None, directions.unused
+    index, matched = nearest(directions.t_s, t_s)
     distance_m = np.linalg.norm(photodetector.landmark_n_m - p_n_m, axis=1)
-    to_landmark = to_landmark_b_m(photodetector, seen.e_b[row], imu.position_b_m, distance_m)
+    to_landmark = to_landmark_b_m(
+        photodetector, directions.e_b[index], imu.position_b_m, distance_m
+    )
     to_landmark[~matched] = np.nan
     e_b = to_landmark / np.linalg.norm(to_landmark, axis=1, keepdims=True)
-    unused = (*seen.unused, *unmatched("line of sight", len(seen.t_s), matched))
-    return Directions.isotropic(e_b, seen.sigma_rad), unused
+    unused = (*directions.unused, *unmatched("line of sight", len(directions.t_s), matched))
+    return Directions.isotropic(e_b, directions.sigma_rad), unused
 
 
 def gravity(
@@ -64,6 +66,6 @@ def gravity(
         keyframe, _ = nearest(t_s, direction.t_s)
         spacing_s = float(np.median(np.diff(t_s)))
         close = np.abs(t_s[keyframe] - direction.t_s) <= spacing_s / 2
-    seen = Directions.of("gravity direction", direction.g_b, direction.covariance)
+    directions = Directions.of("gravity direction", direction.g_b, direction.covariance)
     unused = (*direction.unused, *unmatched("gravity direction", len(direction.t_s), close))
-    return seen[close].scatter(keyframe[close], len(t_s)), unused
+    return directions[close].scatter(keyframe[close], len(t_s)), unused

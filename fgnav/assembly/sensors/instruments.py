@@ -56,9 +56,13 @@ def instruments(flight: Flight, stage: Aligned, track: Tracked, stands: Standing
     """
     every = tuple(_each(flight, stage, track, stands))
     return Instruments(
-        tuple(one.sensor for one in every if one.sensor is not None and len(one.sensor.row)),
-        tuple(constant for one in every for constant in one.constants),
-        tuple(loss for one in every for loss in one.unused),
+        tuple(
+            sensor.sensor
+            for sensor in every
+            if sensor.sensor is not None and len(sensor.sensor.row)
+        ),
+        tuple(constant for sensor in every for constant in sensor.constants),
+        tuple(loss for sensor in every for loss in sensor.unused),
     )
 
 
@@ -66,13 +70,13 @@ def _each(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> I
     imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
     rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
     between, unused = baselines(flight, t_s)
-    yield from (Instrument(one) for one in between)
+    yield from (Instrument(sensor) for sensor in between)
     yield Instrument(unused=unused)
     down, unused = gravity(stage.down, t_s, causal=causal)
     sensor = None if down is None else gravity_sensor(down, track.gravity_n_mps2)
     yield Instrument(sensor, (), unused)
-    seen, unused = sight(flight.photodetector, imu, t_s, track.places_n_m, causal=causal)
-    yield Instrument(None if seen is None else line_of_sight(seen), (), unused)
+    directions, unused = sight(flight.photodetector, imu, t_s, track.places_n_m, causal=causal)
+    yield Instrument(None if directions is None else line_of_sight(directions), (), unused)
     yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
     yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
     vehicle = flight.vehicle
@@ -94,6 +98,6 @@ def gravity_sensor(down: Directions, gravity_n_mps2: FloatArray) -> Gravity:
     return Gravity(row=down.row, known_n=known_n, across_b=down.across_b[down.row])
 
 
-def line_of_sight(seen: Directions) -> LineOfSight:
+def line_of_sight(directions: Directions) -> LineOfSight:
     """Return directions to a landmark."""
-    return LineOfSight(row=seen.row, across_b=seen.across_b[seen.row])
+    return LineOfSight(row=directions.row, across_b=directions.across_b[directions.row])

@@ -153,7 +153,9 @@ def _moments(record: Bridged, until_s: FloatArray) -> tuple[FloatArray, FloatArr
     first = np.searchsorted(imu.t_s, until_s - WINDOW_S, side="right")
     last = np.searchsorted(imu.t_s, until_s, side="right")
     count = last - first
-    mean, square = ((one[last] - one[first]) / np.maximum(count, 1)[:, None] for one in sums[:2])
+    mean, square = (
+        (moment[last] - moment[first]) / np.maximum(count, 1)[:, None] for moment in sums[:2]
+    )
     variance = (square - mean**2) * (count / np.maximum(count - 1, 1))[:, None]
     changes = sums[2][last] - sums[2][np.minimum(first + 1, last)]
     ended = np.searchsorted(gaps_s[:, 1], until_s - WINDOW_S, side="right")
@@ -186,7 +188,7 @@ def _velocities(
 
     Velocities known in some directions only are left out.
     """
-    velocity = next((one for one in antenna.velocities if one.valid.any()), None)
+    velocity = next((velocity for velocity in antenna.velocities if velocity.valid.any()), None)
     if velocity is not None:
         complete = velocity.valid
         if velocity.partial is not None:
@@ -223,5 +225,5 @@ def _is_quiet(
     T = (np.where(np.isfinite(moment), moment, np.inf) / usual).mean(axis=1)
     products = np.einsum("ma,mb->mab", at_rest_moment, at_rest_moment).cumsum(axis=0)[last]
     square = np.einsum("mab,ma,mb->m", products, 1 / usual, 1 / usual) / d**2 / number
-    freedom = 2.0 / np.maximum(square - 1.0, 2.0 / (d * white))
-    return np.asarray(has_rested & (fdtri(freedom, freedom * number, 1 - _MISSED / 2) > T))
+    dof = 2.0 / np.maximum(square - 1.0, 2.0 / (d * white))
+    return np.asarray(has_rested & (fdtri(dof, dof * number, 1 - _MISSED / 2) > T))

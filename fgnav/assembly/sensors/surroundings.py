@@ -83,15 +83,15 @@ def height_sensor(
     missed_m2 = _between(barometer, times_s, t_s)
     row = np.flatnonzero(np.isfinite(height_m))
     above_m = geodetic(origin.to_e(p_n_m[row]))[:, 2]
-    place = np.interp(t_s[row], times_s, np.arange(len(times_s)))
-    node = np.floor(place).astype(np.int64)
+    index = np.interp(t_s[row], times_s, np.arange(len(times_s)))
+    node = np.floor(index).astype(np.int64)
     sensor = BarometricHeight(
         row=row,
         down_n_m=p_n_m[row, 2] + above_m - height_m[row],
         sigma_m=float(np.sqrt(barometer.noise_m**2 + missed_m2)),
         arm_b_m=barometer.position_b_m - accelerometer_b_m,
         node=node,
-        share=place - node,
+        share=index - node,
     )
     return sensor, _offset(barometer, times_s)
 
@@ -121,10 +121,10 @@ def field_sensor(sensor: Magnetometer, field_b_ut: FloatArray) -> tuple[Magnetic
     size_ut[size_ut == 0] = np.nan
     # A larger one is of another unit, or of another field: its direction is known no better.
     sigma_rad = sensor.noise_ut / np.minimum(size_ut, np.linalg.norm(sensor.field_n_ut))
-    seen = Directions.isotropic(field_b_ut / size_ut[:, None], sigma_rad)
-    across_b = seen.across_b[seen.row]
+    directions = Directions.isotropic(field_b_ut / size_ut[:, None], sigma_rad)
+    across_b = directions.across_b[directions.row]
     iron = flight_constant(HARD_IRON, ("x_b", "y_b", "z_b"), "uT", sensor.hard_iron_ut)
-    return MagneticField(row=seen.row, across_b=across_b, field_n_ut=sensor.field_n_ut), iron
+    return MagneticField(row=directions.row, across_b=across_b, field_n_ut=sensor.field_n_ut), iron
 
 
 def _sampled(
@@ -135,10 +135,10 @@ def _sampled(
     One for each: neighbours of one sample would share its noise.
     """
     spacing_s = float(np.median(np.diff(t_s)))
-    row, _ = nearest(t_s, have_s)
-    near = np.abs(t_s[row] - have_s) <= spacing_s / 2 + SAME_S
+    index, _ = nearest(t_s, have_s)
+    near = np.abs(t_s[index] - have_s) <= spacing_s / 2 + SAME_S
     valid = np.zeros(len(t_s), dtype=np.bool_)
-    valid[row[near]] = True
+    valid[index[near]] = True
     valid &= (t_s >= have_s[0] - SAME_S) & (t_s <= have_s[-1] + SAME_S)
     if len(have_s) > 1:
         following = np.searchsorted(have_s, t_s - SAME_S).clip(1, len(have_s) - 1)

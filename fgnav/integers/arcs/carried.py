@@ -49,16 +49,16 @@ def carry(answers: Answers, *, causal: bool = False) -> ArcIntegers:
             arcs = answers.arc[:, i, [j, r]]
             rows = np.flatnonzero((arcs >= 0).all(axis=1))
             ends = np.flatnonzero((np.diff(arcs[rows], axis=0) != 0).any(axis=1)) + 1
-            for part in np.split(rows, ends):
-                resolved = answers.resolved[part, i, j] & answers.resolved[part, i, r]
-                answered = part[resolved]
+            for run in np.split(rows, ends):
+                resolved = answers.resolved[run, i, j] & answers.resolved[run, i, r]
+                answered = run[resolved]
                 if not len(answered):
                     continue
                 cycles = answers.cycles[answered, i, j] - answers.cycles[answered, i, r]
                 surest, chance = _surest_so_far(cycles, answers.wrong[answered])
-                last = np.cumsum(resolved) - 1 if causal else np.full(len(part), len(answered) - 1)
-                given = (last >= 0) & (answers.of_reference[part, j] == r)
-                to, of = part[given], last[given]
+                last = np.cumsum(resolved) - 1 if causal else np.full(len(run), len(answered) - 1)
+                given = (last >= 0) & (answers.of_reference[run, j] == r)
+                to, of = run[given], last[given]
                 out.cycles[to, i, j] = cycles[surest[of]]
                 out.source[to, i, j] = answered[surest[of]]
                 out.chance[to, i, j] = chance[of]
@@ -68,8 +68,8 @@ def carry(answers: Answers, *, causal: bool = False) -> ArcIntegers:
 def _surest_so_far(cycles: IntArray, wrong: FloatArray) -> tuple[IntArray, FloatArray]:
     """Return the surest of the first 1, 2, …, k answers, and the chance that all err, (k,) each."""
     count = np.arange(1, len(wrong) + 1)
-    least = np.minimum.accumulate(wrong)
-    before = np.append(np.inf, least[:-1])
+    lowest = np.minimum.accumulate(wrong)
+    before = np.append(np.inf, lowest[:-1])
     surest = np.maximum.accumulate(np.where(wrong < before, count - 1, 0))
     contradicts = cycles != cycles[np.append(0, surest[:-1])]
     against = np.minimum.accumulate(np.where(contradicts, np.maximum(wrong, before), np.inf))
@@ -77,8 +77,8 @@ def _surest_so_far(cycles: IntArray, wrong: FloatArray) -> tuple[IntArray, Float
     # what the epochs together would say, and the smaller of two bounds counts twice.
     log_odds = np.cumsum(np.log(np.maximum(1.0 - wrong, _TINY)) - np.log(np.maximum(wrong, _TINY)))
     mean = 1.0 / (1.0 + np.exp(log_odds / count))
-    opposed = least / np.maximum(least + against, _TINY)  # by a second opinion
-    return surest, np.minimum(1.0, np.maximum(2.0 * np.minimum(count * least, mean), opposed))
+    opposed = lowest / np.maximum(lowest + against, _TINY)  # by a second opinion
+    return surest, np.minimum(1.0, np.maximum(2.0 * np.minimum(count * lowest, mean), opposed))
 
 
 def chance_of_epochs(

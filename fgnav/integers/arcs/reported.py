@@ -33,16 +33,16 @@ def reported_arcs(
         rows = np.flatnonzero(integers.fixed[:, i, j])
         labels = np.stack([differences.arc[rows, i, j], integers.cycles[rows, i, j]])
         ends = np.flatnonzero((np.diff(labels, axis=1) != 0).any(axis=0)) + 1
-        for part in np.split(rows, ends):
-            by = np.zeros(1, dtype=np.int64) if source is None else source[part, i, j]
-            t_s = differences.t_s[part]
+        for run in np.split(rows, ends):
+            by = np.zeros(1, dtype=np.int64) if source is None else source[run, i, j]
+            t_s = differences.t_s[run]
             out.append(
                 ArcInteger(
                     link=f"{antennas[i + 1]} {differences.satellites[j]} {differences.signals[j]}",
                     from_s=float(t_s[0]),
                     until_s=float(t_s[-1]),
-                    cycles=int(integers.cycles[part[0], i, j]),
-                    wrong_probability=None if log_odds is None else _wrong(t_s, log_odds[part]),
+                    cycles=int(integers.cycles[run[0], i, j]),
+                    wrong_probability=None if log_odds is None else _wrong(t_s, log_odds[run]),
                     by=SOURCES[int(np.bincount(by).argmax())],
                 )
             )
@@ -52,5 +52,5 @@ def reported_arcs(
 def _wrong(t_s: FloatArray, log_odds: FloatArray) -> float:
     """Return the chance of an arc by the log odds of its epochs, (k,)."""
     block = ((t_s - t_s[0]) // APART_S).astype(np.int64)
-    total = sum(float(np.median(log_odds[block == one])) for one in np.unique(block))
+    total = sum(float(np.median(log_odds[block == arc])) for arc in np.unique(block))
     return float(1 / (1 + np.exp(np.clip(total, -700.0, 700.0))))

@@ -120,7 +120,7 @@ class Arcs:
             "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~answered,
             f"probability of wrong integers above {self.wrong_max:g}": answered & ~sure,
         }
-        handed_over = (one for one in answer.unused if one.what == HANDED_OVER)
+        handed_over = (entry for entry in answer.unused if entry.what == HANDED_OVER)
         return Integers(
             resolver=self.name,
             cycles=np.where(sure, arc_integers.cycles, 0),

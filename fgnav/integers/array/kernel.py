@@ -217,18 +217,18 @@ def _enter(walk: Walk, model: _Model, best: _Best, norm: float, bound: float, li
 def _insert(best: _Best, z: FloatArray, M: FloatArray, cost: float, weight: float) -> None:
     """Enter a candidate among the best; what is not among them adds to the weight of the others."""
     held = len(best.costs)
-    place = held
-    while place > 0 and best.costs[place - 1] > cost:
-        place -= 1
-    dropped = weight if place == held else best.log_weights[held - 1]
+    k = held
+    while k > 0 and best.costs[k - 1] > cost:
+        k -= 1
+    dropped = weight if k == held else best.log_weights[held - 1]
     best.log_weights[held] = np.logaddexp(best.log_weights[held], dropped)
-    for to in range(held - 1, place - 1, -1):
-        best.costs[to] = cost if to == place else best.costs[to - 1]
-        best.log_weights[to] = weight if to == place else best.log_weights[to - 1]
+    for to in range(held - 1, k - 1, -1):
+        best.costs[to] = cost if to == k else best.costs[to - 1]
+        best.log_weights[to] = weight if to == k else best.log_weights[to - 1]
         for i in range(len(z)):
-            best.integers[to, i] = z[i] if to == place else best.integers[to - 1, i]
+            best.integers[to, i] = z[i] if to == k else best.integers[to - 1, i]
         for i in range(len(M)):
-            best.columns[to, i] = M[i] if to == place else best.columns[to - 1, i]
+            best.columns[to, i] = M[i] if to == k else best.columns[to - 1, i]
 
 
 @kernel

@@ -72,7 +72,7 @@ def likelihood_of(differences: DoubleDifferences, nodes: int) -> Likelihood:
     result, _, degrees = searched(differences, _MOST, _MOST, _REACH, nodes, listed=True)
     finite = np.isfinite(result.costs)
     complete = (result.status == PROVEN) & ~finite[:, -1]
-    epoch, which = np.nonzero(finite & complete[:, None])
-    vectors = result.cycles[epoch, which], result.columns[epoch, which]
+    epoch, candidate = np.nonzero(finite & complete[:, None])
+    vectors = result.cycles[epoch, candidate], result.columns[epoch, candidate]
     given = given_integers(differences.resampled(epoch), *vectors)
     return Likelihood(epoch, given, degrees[epoch])

@@ -79,10 +79,10 @@ def weak_axis(information: FloatArray, variance: float) -> FloatArray:
         for i in range(3):
             across[c % 3, i] += information[c, c - c % 3 + i]
     axes = principal_axes(across)[1]
-    least = np.empty(3)
+    axis = np.empty(3)
     for i in range(3):
-        least[i] = axes[i, 0]
-    return least
+        axis[i] = axes[i, 0]
+    return axis
 
 
 @kernel
@@ -230,10 +230,10 @@ def normal_matrix(J: FloatArray, information: FloatArray) -> FloatArray:
 def _distance(M: FloatArray, columns: FloatArray, information: FloatArray) -> float:
     total = 0.0
     for i in range(len(M)):
-        row = 0.0
+        product = 0.0
         for j in range(len(M)):
-            row += information[i, j] * (M[j] - columns[j])
-        total += row * (M[i] - columns[i])
+            product += information[i, j] * (M[j] - columns[j])
+        total += product * (M[i] - columns[i])
     return total
 
 
@@ -267,9 +267,9 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
     H = normal_matrix(J, information)
     g = np.zeros(3)
     for i in range(len(residual)):
-        row = _dot(information[i], residual)
+        product = _dot(information[i], residual)
         for c in range(3):
-            g[c] -= J[i, c] * row
+            g[c] -= J[i, c] * product
     return solve_symmetric(H, g.reshape(3, 1)).reshape(3)
 
 

@@ -88,7 +88,7 @@ def with_estimated_noise(
         law, is_determined = _typical(sample, min(nodes, _NODES), start)
         later = slice(int(past[-1]) if causal else 0, None)
         variances = all_epochs.variances_m2(_of_mean(law, is_determined))
-        code_m2[later], phase_m2[later] = (part[later] for part in variances)
+        code_m2[later], phase_m2[later] = (variance[later] for variance in variances)
         count, start = _RENEWED * count, law if is_determined else np.array(_CALM)
     return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 

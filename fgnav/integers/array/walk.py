@@ -147,11 +147,11 @@ def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
             if k == 0:
                 walk.place[0] = _COMPLETE
                 return AT_VECTOR, norm
-            least = norm
+            smallest = norm
             if walk.useful[k]:
                 walk.place[1] += LOOK
-                least += least_distance(walk.columns[k], walk.covariances[k])
-            if least < bound:
+                smallest += least_distance(walk.columns[k], walk.covariances[k])
+            if smallest < bound:
                 walk.norm[k] = norm
                 for j in range(k):
                     walk.above[k, j] = walk.above[k + 1, j] - gap * walk.L[k, j]
@@ -184,7 +184,7 @@ def least_distance(columns: FloatArray, covariance: FloatArray) -> float:
     the linear terms are at most t times their own standard deviation and the quadratic ones at most
     t^2 times the sum of variances. Where x is longer than 1, m lies beyond a plane across it.
     """
-    least = 0.0
+    smallest = 0.0
     for u in range(0, len(columns), 3):
         x = columns[u : u + 3]
         for v in range(0, u + 3, 3):
@@ -199,8 +199,8 @@ def least_distance(columns: FloatArray, covariance: FloatArray) -> float:
                 half = np.sqrt(linear) if u == v else 0.5 * np.sqrt(linear)
                 square = np.sqrt(trace(covariance, u) * trace(covariance, v))
                 root = gap / (half + np.sqrt(half * half + square * gap))
-            least = max(least, root)
-    return least * least
+            smallest = max(smallest, root)
+    return smallest * smallest
 
 
 @kernel

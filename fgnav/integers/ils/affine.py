@@ -94,13 +94,13 @@ def _search_epochs(
             if len(links) == 0:
                 continue
             pattern = arrays.pattern[k * len(blocks) + s]
-            found = float_solution(epochs, arrays, k, pattern, links, 0.0)
-            end = OK if found.determined else WEAK
+            solution = float_solution(epochs, arrays, k, pattern, links, 0.0)
+            end = OK if solution.determined else WEAK
             if end == OK:
                 # Numbers, no literals: else the search is compiled once more for these two.
                 end, integers, norms, fixed, success = solve_subset(
-                    found.cycles,
-                    found.covariance,
+                    solution.cycles,
+                    solution.covariance,
                     int(np.int64(2)),
                     int(np.int64(_NODES)),
                     success_min,
@@ -126,8 +126,8 @@ def _code_squares(epochs: LinkArrays, arrays: Spans) -> tuple[float, int]:
         links = epoch_links(epochs.resolvable[k], epochs.of_reference[k], everywhere)
         spare = len(links) - 3 * arrays.rank[pattern]
         if spare > 0:
-            found = float_solution(epochs, arrays, k, pattern, links, 0.0)
-            if found.determined:
-                squares += found.constant
+            solution = float_solution(epochs, arrays, k, pattern, links, 0.0)
+            if solution.determined:
+                squares += solution.constant
                 degrees += spare
     return squares, degrees

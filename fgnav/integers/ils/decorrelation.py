@@ -77,8 +77,8 @@ def decorrelate(
 
 @kernel
 def _sound(T: FloatArray) -> bool:
-    for row in T:
-        for value in row:
+    for column in T:
+        for value in column:
             if not abs(value) < _LARGEST_TRANSFORM:
                 return False
     return True

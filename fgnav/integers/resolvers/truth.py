@@ -92,8 +92,8 @@ def kept_integers(differences: DoubleDifferences, flight: Flight) -> tuple[Float
     cycles, valid = np.zeros(shape), np.zeros(shape, dtype=bool)
     rows: dict[tuple[str, str, str], list[int]] = {}
     kept = flight.truth.integers if flight.truth is not None else None
-    for row, link in enumerate(kept.links if kept is not None else ()):
-        rows.setdefault(link, []).append(row)
+    for k, link in enumerate(kept.links if kept is not None else ()):
+        rows.setdefault(link, []).append(k)
     channels = list(zip(differences.satellites, differences.signals, strict=True))
     for i, j in np.ndindex(shape[1:]):
         of_link = rows.get((flight.antennas[i].name, *channels[j]))
@@ -137,8 +137,8 @@ def attitude_at(truth: FlightTruth, t_s: FloatArray) -> tuple[FloatArray, BoolAr
     before = np.clip(np.searchsorted(truth.t_s, t_s, side="right") - 1, 0, max(last - 1, 0))
     after = np.minimum(before + 1, last)
     span_s = np.maximum(truth.t_s[after] - truth.t_s[before], np.finfo(np.float64).tiny)
-    part = np.clip((t_s - truth.t_s[before]) / span_s, 0.0, 1.0)
+    fraction = np.clip((t_s - truth.t_s[before]) / span_s, 0.0, 1.0)
     R_before = truth.R_nb[before]
     turn_rad = rotations.log(rotations.transpose(R_before) @ truth.R_nb[after])
     covered = (t_s >= truth.t_s[0] - _SAME_S) & (t_s <= truth.t_s[last] + _SAME_S)
-    return R_before @ rotations.exp(part[:, None] * turn_rad), covered
+    return R_before @ rotations.exp(fraction[:, None] * turn_rad), covered
