@@ -17,8 +17,7 @@ import numpy as np
 
 from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.delayed import CLOCK_OFFSET
-from fgnav.graph.delayed_kernel import PPM
+from fgnav.graph.delayed import CLOCK_OFFSET, PPM
 from fgnav.graph.inertial.gyro_free import GyroFree
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.motion import LinearisedMotion, Motion

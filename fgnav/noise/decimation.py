@@ -17,9 +17,10 @@ from fgnav.graph.factors.vehicle.resting_rate import NAME as RESTING_RATE
 from fgnav.graph.factors.vehicle.standstill import NAME as STANDSTILL
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
+from fgnav.graph.sensor_rows import WrappedSensor
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
+from fgnav.graph.types.sensor import Linearised, Sensor
 from fgnav.graph.types.states import States
 
 _KEYFRAMES = 200  # tell the logarithm of a standard deviation to 3 %

@@ -9,7 +9,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.evaluation.networks import calibration
-from fgnav.graph.custom import newest_keyframe
+from fgnav.graph.custom import touched_keyframes
 from fgnav.graph.keys import Timeline, constant
 from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth
@@ -142,7 +142,7 @@ def test_answers_stand_two_half_lives_apart_and_share_what_lasts():
     source, made = asked(flight)
     assert [one.name for one in source.constants] == ["lasting error of gravity"]
     assert "their errors are alike" in reasons(made)
-    rows = [newest_keyframe(one) for one in made.factors]
+    rows = [touched_keyframes(one.factor)[-1] for one in made.factors]
     assert np.diff(flight.fixes[0].t_s[rows]).min() >= source.between_s - 1e-6
     assert all(constant(0) in one.factor.keys() for one in made.factors)  # noqa: SIM118  # no dict
     assert sum(loss.count for loss in made.unused) + len(rows) == len(flight.fixes[0].t_s)

@@ -1,7 +1,6 @@
 """A keyframe of a stream as a smoothing problem of two rows: the first is there for its time."""
 
 from itertools import chain
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,27 +28,25 @@ from fgnav.methods.streaming.measurements import Direction, Measured, Measuremen
 _BEFORE_S = 0.1  # of the first keyframe: an interval that nothing uses
 
 
-class Before(NamedTuple):
-    """The keyframe before: its time, and where the accelerometer was, (3,)."""
+def keyframe_problem(
+    now: Measurements, config: StreamConfig, before_s: float, p_n_m: FloatArray | None
+) -> Problem:
+    """Return a keyframe as the second of two rows.
 
-    t_s: float
-    p_n_m: FloatArray
-
-
-def keyframe_problem(now: Measurements, config: StreamConfig, before: Before | None) -> Problem:
-    """Return a keyframe as the second of two rows; ``before`` is None of the first.
+    The first stands for the keyframe before: its time, and where the accelerometer was, (3,); None
+    before any.
 
     Raises
     ------
     BadInputError
         If the first has nothing to start from, or a body without a gyroscope no rate prior.
     """
-    if before is None:
-        R_nb, p_n_m, has_attitude = *_first(now, config), True
+    if p_n_m is None:
+        R_nb, p_n_m, has_attitude, before_s = *_first(now, config), True, now.t_s - _BEFORE_S
     else:
-        attitude, p_n_m = _attitude(now), before.p_n_m
+        attitude = _attitude(now)
         R_nb, has_attitude = np.eye(3) if attitude is None else attitude, attitude is not None
-    t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
+    t_s = np.array([before_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
     gravity_n_mps2 = np.tile(config.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
     sensors, of_instruments = _sensors(now, config, t_s, p_n_m)
