@@ -2,7 +2,7 @@
 
 It sees elevation, C/N0 and the change of code less phase. It is trained alone, by the likelihood of
 double differences at the truth, or through the closed form of an epoch's attitude, by that of its
-error as well. ``link_weights`` judges it.
+error as well. ``link_weights`` compares it with others.
 """
 
 from dataclasses import dataclass, replace
@@ -189,7 +189,7 @@ class Sample:
 
     @classmethod
     def drawn(cls, seed: list[int]) -> "Sample":
-        """Draw a flight; the one without noise and echoes tells its links' errors."""
+        """Draw a flight; the one without noise and echoes gives its links' errors."""
         scenario = drawn(np.random.default_rng(seed))
         flight, noise = flown(scenario, seed), ("code_noise_m", "phase_noise_m")
         calm = msgspec.structs.replace(

@@ -1,4 +1,4 @@
-"""Judge learned weights of GNSS links: ``python docs/link_weights.py SHARED``.
+"""Compare learned weights of GNSS links: ``python docs/link_weights.py SHARED``.
 
 The library weighs links by elevation; the study puts the answers of networks in its place, on
 simulated flights that taught nothing, and on two antennas of Wettzell, whose data are in SHARED. It
@@ -50,7 +50,7 @@ from fgnav.integers.resolvers.constrained import Constrained  # noqa: E402
 from fgnav.io.flight.folder import load_flight  # noqa: E402
 from tests.integers.wettzell import of_signals, right_cycles, write_flight  # noqa: E402
 
-TRAINING, HELD_OUT = 300, 12  # flights to learn from, and to judge by
+TRAINING, HELD_OUT = 300, 12  # flights to learn from, and to compare by
 THROUGH = 0.3  # weight of an attitude's likelihood beside that of a link
 DB = 20 / np.log(10)  # of an echo's amplitude, while it is small
 BASELINES = {"constant": "constant factors", "cn0": "C/N0 about its line"}
@@ -83,7 +83,7 @@ def by_cn0(deviation: int) -> Weights:
     """Return weights without anything learned, by one of the inputs that are deviations of C/N0.
 
     An echo of amplitude a changes C/N0 by ``DB a cos(theta)`` and the phase by ``a sin(theta)``
-    rad: over all theta one RMS tells the other.
+    rad: over all theta one RMS gives the other.
     """
 
     def weights(flight: fgnav.Flight, single: SingleDifferences) -> Links:
@@ -201,7 +201,7 @@ def wettzell_rows(shared: Path, methods: list[Weighed]) -> Iterator[dict[str, st
 
 
 def main(shared: Path) -> None:
-    """Train, judge on held-out flights, and write the rows."""
+    """Train, compare on held-out flights, and write the rows."""
     samples = []
     for k in range(TRAINING):
         try:
