@@ -202,9 +202,35 @@ def worth() -> str:
     return _table((*head, "less none", "less constant"), lines)
 
 
+def links() -> str:
+    """Return how a smoother fares whose links are weighed in several ways."""
+    head = (
+        "flights",
+        "weights",
+        "n",
+        "fixed, %",
+        "wrong",
+        "attitude, deg",
+        "NEES",
+        "NLL",
+        "energy",
+    )
+    figures = {"attitude_rmse_deg": 3, "attitude_nees": 2, "attitude_nll": 4}
+    figures |= {"attitude_energy_score_deg": 3, "position_nees": 2}
+    lines = []
+    for row in _read(EVIDENCE / "link_weights.csv"):
+        cells = [row[key] for key in ("world", "weights", "flights", "fixed_percent", "wrong")]
+        cells += [f"{float(row[key]):.{n}g}" if row[key] else "" for key, n in figures.items()]
+        for other in ("constant", "cn0"):
+            keys = [f"attitude_nll_less_{other}{end}" for end in ("", "_low", "_high")]
+            cells.append(_interval(row, *keys) if row[keys[-1]] not in ("", "nan") else "")
+        lines.append(tuple(cells))
+    return _table((*head, "position NEES", "NLL less constant", "NLL less C/N0"), lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     one.__name__: one
-    for one in (summary, clean, methods, recordings, outcomes, times, peers, answers, worth)
+    for one in (summary, clean, methods, recordings, outcomes, times, peers, answers, worth, links)
 }
 
 
@@ -239,7 +265,7 @@ def _errors(groups: dict[str, list[Row]]) -> str:
 
 
 def _table(head: tuple[str, ...], lines: Iterable[tuple[str, ...]]) -> str:
-    words = (head[0], "network", "state", "unit", "of what")
+    words = (head[0], "network", "weights", "state", "unit", "of what")
     rule = ["---" if name in words else "---:" for name in head]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (head, rule, *lines))
 
