@@ -54,7 +54,7 @@ def test_adjoints_are_products_with_the_dense_inverse(aux, b):
     wide, right = np.zeros_like(P), np.concatenate([a.ravel(), np.zeros(b)])
     for k in range(N):
         wide[k * D : k * D + D, k * D : k * D + D] = B[k]
-    adjoint = found.adjoint(a, B, (), ())
+    adjoint = found.adjoint(a, B, ())
     np.testing.assert_allclose(adjoint.step, -P @ right, rtol=1e-9, atol=1e-11)
     expected = P @ wide @ P
     for pair in (*JOINS, *((k, k + 1) for k in range(N - 1))):

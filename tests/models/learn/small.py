@@ -11,11 +11,12 @@ from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
 from fgnav_sim.simulate import simulate
 
 RATE_HZ, WINDOW = 10.0, 3
-IMU = ImuTable(
-    gyroscope_noise_radps_per_sqrt_hz=1e-3,
-    gyroscope_bias_radps=1e-2,
-    gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
-)
+GYROSCOPE = {
+    "gyroscope_noise_radps_per_sqrt_hz": 1e-3,
+    "gyroscope_bias_radps": 1e-2,
+    "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
+}
+IMU = ImuTable(**GYROSCOPE)
 
 
 def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
