@@ -197,7 +197,7 @@ class _Curvature(NamedTuple):
 
     def summed(self, values: FloatArray, size: int) -> FloatArray:
         """Return values of the groups' columns, (m, w), added up by column."""
-        return np.bincount(self.columns.ravel(), values.ravel(), size)
+        return np.asarray(np.bincount(self.columns.ravel(), values.ravel(), size), np.float64)
 
 
 class PosteriorCovariance:
@@ -304,7 +304,8 @@ class PosteriorCovariance:
             change = (term.linearise(moved)[1] - J) / _STEP
             slope[:, i] = 2 * np.einsum("mfw,mfw->m", change, JM)
             E[:, :, i] = np.einsum("mfw,mf->mw", change, r)
-        return _Curvature(columns, E, slope)
+        # Its antisymmetric part is that of tangents, and at a minimum none in the sum of all terms.
+        return _Curvature(columns, (E + E.swapaxes(1, 2)) / 2, slope)
 
     def _solved(self, a: FloatArray, curvatures: Sequence[_Curvature]) -> FloatArray:
         """Return ``(H + E)^-1 a``."""

@@ -8,23 +8,16 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.keys import index
-from fgnav.neural.manifest import Covariance, Output
+from fgnav.neural.manifest import Covariance
 from fgnav.neural.outputs import Counted, factor_of
 from fgnav.solve.adjoint import PosteriorCovariance, terms_of
 from fgnav.solve.gauss_newton import elimination_at
+from tests.neural import graphs
 from tests.solve.linear_flight import dense, random_problem
 
 N, JOINS = 12, ((0, 4), (3, 7), (5, 6), (5, 11))
-OUTPUT = Output(
-    name="moved",
-    measures="displacement",
-    manifold="R3",
-    unit="m",
-    frame="b",
-    covariance=Covariance(form="none", sigma=(0.5,)),
-    half_life_s=0.0,
-    over_s=1.0,
-)
+NOISE = Covariance(form="none", sigma=(0.5,))
+OUTPUT = graphs.told("moved", "displacement", NOISE, frame="b", over_s=1.0)
 
 
 @pytest.mark.parametrize(("aux", "b"), [(6, 0), (6, 2), (12, 3)])

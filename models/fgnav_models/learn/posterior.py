@@ -30,6 +30,7 @@ from fgnav_models.learn.flights import TrainingFlight
 
 _STEP = 1e-4  # of logarithms, for differences: about the cube root of rounding
 
+
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Posterior:
     """Means and covariances of a flight's keyframes, given all its data.
@@ -74,7 +75,8 @@ class _Minimum:
         derivatives = []
         for step in _STEP * np.eye(len(self.parameters)):
             ends = (terms_of(self.problem_at(self.parameters + h)) for h in (-step, step))
-            changes = (adjoint.change(*terms, self.states) for terms in zip(*ends, strict=True))
+            pairs = zip(*ends, strict=True)
+            changes = (adjoint.change(low, high, self.states) for low, high in pairs)
             derivatives.append(sum(changes) / (2 * _STEP))
         return derivatives
 
@@ -155,7 +157,7 @@ def posterior(
 
 
 class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy skips torch
-    """Steps from the minimum, zero, and marginal covariances, as functions of answers and parameters."""
+    """Steps from the minimum, zero, and marginal covariances, by answers and parameters."""
 
     @staticmethod
     def forward(

@@ -10,7 +10,8 @@ from fgnav.evaluation.reference import truth_at
 from fgnav.geometry.rotations import transpose
 from fgnav.neural.records import Record
 from fgnav_models import learn
-from tests.models.learn.small import GYROSCOPE, RATE_HZ, flown
+from tests.models.learn.small import RATE_HZ, flown
+from tests.turns import GYROSCOPE
 
 OVER_S = 1.0
 

@@ -6,27 +6,16 @@ import torch
 
 from fgnav.neural.records import Record
 from fgnav_models.learn import input_of
-from fgnav_sim.motion import Arc, Motion, Rate
-from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
-from fgnav_sim.simulate import simulate
+from fgnav_sim.scenario import FixesTable
+from tests.turns import turning
 
 RATE_HZ, WINDOW = 10.0, 3
-GYROSCOPE = {
-    "gyroscope_noise_radps_per_sqrt_hz": 1e-3,
-    "gyroscope_bias_radps": 1e-2,
-    "gyroscope_bias_walk_radps_per_sqrt_s": 1e-6,
-}
-IMU = ImuTable(**GYROSCOPE)
+WIND_SIGMA_MPS = 0.5  # of each axis
 
 
 def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
-    """Return a turn at 30 m/s with fixes and an inertial unit, some of its figures others."""
-    turn = Motion(path=Arc(speed_mps=30.0, radius_m=80.0), yaw=Rate(rate_degps=21.5))
-    fixes = FixesTable(rate_hz=rate_hz)
-    scenario = Scenario(
-        duration_s=duration_s, motion=turn, imu=msgspec.structs.replace(IMU, **imu), fixes=fixes
-    )
-    return simulate(scenario, np.random.default_rng(seed))
+    """Return a turn, with fixes of a rate."""
+    return turning(np.random.default_rng(seed), duration_s, FixesTable(rate_hz=rate_hz), **imu)
 
 
 def wind(flight, seed):
@@ -35,7 +24,7 @@ def wind(flight, seed):
     t_s = np.arange(truth.t_s[0], truth.t_s[-1], 1 / RATE_HZ)
     rows = np.searchsorted(truth.t_s, t_s).clip(0, len(truth.t_s) - 1)
     v_b = np.einsum("nji,nj->ni", truth.R_nb[rows], truth.v_n_mps[rows])
-    noisy = v_b + 0.5 * rng.standard_normal(v_b.shape)
+    noisy = v_b + WIND_SIGMA_MPS * rng.standard_normal(v_b.shape)
     return Record(t_s=t_s, values=noisy, unit="m/s", frame="b")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from fgnav import BadInputError, Batch
+from fgnav import Batch
 from fgnav_models import learn
 from tests.models.learn.small import flown
 
