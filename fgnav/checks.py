@@ -127,8 +127,8 @@ def frozen(
     if array.dtype.kind == "f":
         wrong = np.isinf(array) if gaps else ~np.isfinite(array)
         if wrong.any():
-            row = int(np.argwhere(wrong)[0][0]) if array.ndim else 0
-            raise BadInputError(f"{name}: not finite, first at row {row}")
+            index = int(np.argwhere(wrong)[0][0]) if array.ndim else 0
+            raise BadInputError(f"{name}: not finite, first at row {index}")
     array.flags.writeable = False
     return array
 
@@ -172,9 +172,9 @@ def increasing(name: str, t_s: FloatArray) -> None:
     """
     steps_s = np.diff(t_s)
     if (steps_s <= 0).any():
-        row = int(np.argmax(steps_s <= 0)) + 1
+        k = int(np.argmax(steps_s <= 0)) + 1
         raise BadInputError(
-            f"{name}: time must increase, row {row} has {t_s[row]:.6f} after {t_s[row - 1]:.6f}"
+            f"{name}: time must increase, row {k} has {t_s[k]:.6f} after {t_s[k - 1]:.6f}"
         )
 
 

@@ -1,4 +1,4 @@
-"""What ``import fgnav`` offers beside its types: methods by name, comparisons, a picture."""
+"""Functions of ``import fgnav`` beside its types: methods by name, comparisons, a plot."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import nullcontext
@@ -99,10 +99,10 @@ def compare(
     """
     if isinstance(methods, Mapping):
         estimators: list[Estimator] = [
-            restricted(label, _estimator(one), ()) for label, one in methods.items()
+            restricted(label, _estimator(method), ()) for label, method in methods.items()
         ]
     else:
-        estimators = [_estimator(one) for one in methods]
+        estimators = [_estimator(method) for method in methods]
     if isinstance(flights, Flight):
         return compare_one(flights, estimators, watch=watch)
     if isinstance(flights, Mapping):
@@ -111,8 +111,8 @@ def compare(
     return compare_flights(pairs, estimators, watch=watch)
 
 
-def _estimator(one: Estimator | str) -> Estimator:
-    return method(one) if isinstance(one, str) else one
+def _estimator(estimator: Estimator | str) -> Estimator:
+    return method(estimator) if isinstance(estimator, str) else estimator
 
 
 def plot(*estimates: Estimate, truth: Truth | None = None) -> "Figure":
@@ -145,7 +145,9 @@ def plot(*estimates: Estimate, truth: Truth | None = None) -> "Figure":
 
     if not estimates:
         raise BadInputError("plot: no estimates; pass one or more")
-    shown: list[Any] = [one if truth is None else one.errors(truth) for one in estimates]
+    shown: list[Any] = [
+        estimate if truth is None else estimate.errors(truth) for estimate in estimates
+    ]
     position, velocity = (
         ("p_n_m", "v_n_mps") if truth is None else ("position_n_m", "velocity_n_mps")
     )
@@ -154,21 +156,23 @@ def plot(*estimates: Estimate, truth: Truth | None = None) -> "Figure":
         ("m", position, "position_sigma_m", ("north", "east", "down")),
         ("m/s", velocity, "velocity_sigma_mps", ("north", "east", "down")),
     ]
-    rows = [row for row in rows if all(getattr(one, row[1]) is not None for one in shown)]
+    rows = [
+        panels for panels in rows if all(getattr(chart, panels[1]) is not None for chart in shown)
+    ]
     figure = Figure(figsize=(10, 2.2 * len(rows)), layout="constrained")
     for panels, (unit, value, sigma, names) in zip(
         figure.subplots(len(rows), 3, sharex=True, squeeze=False), rows, strict=True
     ):
         for k, (axes, name) in enumerate(zip(panels, names, strict=True)):
             axes.set_title(f"{name}, {unit}" if truth is None else f"error of {name}, {unit}")
-            for estimate, one in zip(estimates, shown, strict=True):
-                y, half = getattr(one, value)[:, k], getattr(one, sigma)
-                (line,) = axes.plot(one.t_s, y, label=estimate.method)
+            for estimate, chart in zip(estimates, shown, strict=True):
+                y, half = getattr(chart, value)[:, k], getattr(chart, sigma)
+                (line,) = axes.plot(chart.t_s, y, label=estimate.method)
                 if half is not None:
                     middle = y if truth is None else np.zeros_like(y)
                     band = _BAND * half[:, k]
                     axes.fill_between(
-                        one.t_s, middle - band, middle + band, color=line.get_color(), alpha=0.2
+                        chart.t_s, middle - band, middle + band, color=line.get_color(), alpha=0.2
                     )
     figure.supxlabel("time, s")
     figure.axes[0].legend()

@@ -113,7 +113,7 @@ class LowDynamics:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether an answer stands before the end of what it is made of."""
+        """Return True if an answer stands before the end of the samples that it is made of."""
         return not self.causal
 
     def __call__(self, flight: Flight) -> GravityDirection:

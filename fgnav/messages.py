@@ -75,12 +75,12 @@ class Note(str):
         return message
 
     def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]  # of str: its text alone
-        """Return what makes a copy."""
+        """Return the arguments that make a copy."""
         return self.code, str(self)
 
     @property
     def rank(self) -> int:
-        """Where its severity stands among all, the worst first."""
+        """Rank of its severity among all, the worst first."""
         return SEVERITIES.index(self.code[0])
 
 
@@ -107,4 +107,4 @@ def note(code: str, **values: Any) -> Note:  # noqa: ANN401  # whatever its word
 def by_severity(notes: Iterable[str]) -> list[str]:
     """Return messages with the worst first; those without a code among what was done."""
     done = SEVERITIES.index("I")
-    return sorted(notes, key=lambda one: one.rank if isinstance(one, Note) else done)
+    return sorted(notes, key=lambda note: note.rank if isinstance(note, Note) else done)

@@ -77,8 +77,8 @@ def line_of_sight(
     scale = photodetector.detector_radius_m * r_c / np.where(r_quad > 0, r_quad, 1.0)
     boresight = np.full(len(r_quad), photodetector.focal_length_m)
     ray_b = np.column_stack([boresight, scale[:, None] * quadrants])
-    seen = lit & ~cut & on_detector
-    e_b = ray_b[seen] / np.linalg.norm(ray_b[seen], axis=1, keepdims=True)
+    is_measured = lit & ~cut & on_detector
+    e_b = ray_b[is_measured] / np.linalg.norm(ray_b[is_measured], axis=1, keepdims=True)
     reasons = {
         "a current is zero or below": ~lit,
         "a current stands at its limit": lit & cut,
@@ -90,11 +90,13 @@ def line_of_sight(
         if lost.any()
     )
     sigma_rad = photodetector.line_of_sight_sigma_rad if sigma_rad is None else sigma_rad
-    return LineOfSight(t_s=photodetector.t_s[seen], e_b=e_b, sigma_rad=sigma_rad, unused=unused)
+    return LineOfSight(
+        t_s=photodetector.t_s[is_measured], e_b=e_b, sigma_rad=sigma_rad, unused=unused
+    )
 
 
 def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
-    """Return which samples have a current that was cut at a limit nobody states, (k,).
+    """Return the mask of samples with a current that was cut at a limit nobody states, (k,).
 
     Where the largest of all currents comes time and again while others change, it is the limit.
     """
@@ -106,7 +108,7 @@ def _cut(currents: FloatArray, *, causal: bool = False) -> BoolArray:
 
 
 def _cut_so_far(currents: FloatArray) -> BoolArray:
-    """Return the same, (k,), with the largest of the currents up to each sample."""
+    """Return the mask of cut samples, (k,), by the largest of the currents up to each sample."""
     largest = currents.max(axis=1, initial=0.0)
     limit = np.maximum.accumulate(largest)
     out = np.zeros(len(currents), dtype=np.bool_)

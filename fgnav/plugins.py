@@ -47,10 +47,10 @@ def named(group: str, own: Mapping[str, str], name: str, *, kind: str) -> Any:  
             return entry.load()
     if ":" in name:
         return _from_module(name, kind)
-    known = names(group, own)
-    meant = get_close_matches(name, known, n=1)
+    registered = names(group, own)
+    meant = get_close_matches(name, registered, n=1)
     hint = f"did you mean {meant[0]}?" if meant else "module:attribute names any other"
-    listed = ", ".join(known) or "none is installed"
+    listed = ", ".join(registered) or "none is installed"
     raise BadInputError(f"{kind} {name!r}: not one of {listed}; {hint}")
 
 
@@ -72,14 +72,14 @@ def descriptions(group: str, own: Mapping[str, str]) -> dict[str, str]:
 
 
 def _loaded(target: str) -> Any:  # noqa: ANN401  # any part
-    """Return what ``module:attribute``, or ``module``, names."""
+    """Import the object that ``module:attribute``, or ``module``, names."""
     module, _, attribute = target.partition(":")
     loaded = import_module(module)
     return getattr(loaded, attribute) if attribute else loaded
 
 
 def _from_module(name: str, kind: str) -> Any:  # noqa: ANN401  # any part
-    """Return what ``module:attribute`` names, the working folder searched, too."""
+    """Import the object that ``module:attribute`` names, the working folder searched, too."""
     here = str(Path.cwd())
     sys.path.insert(0, here)
     try:

@@ -1,4 +1,4 @@
-"""How far a long piece of work has come, for whoever watches it.
+"""Progress of long work, for whoever watches it.
 
 Work calls ``report(share)`` now and then; where nobody watches, that is one look at a variable.
 """

@@ -11,8 +11,8 @@ from fgnav.checks import BadInputError
 def shipped(package: str, kind: str) -> dict[str, Path]:
     """Return the files in a package's folder ``kind``, by name without suffix, sorted."""
     spec = find_spec(package)
-    places = () if spec is None else spec.submodule_search_locations or ()
-    files = (file for place in places for file in (Path(place) / kind).glob("*.*"))
+    folders = () if spec is None else spec.submodule_search_locations or ()
+    files = (file for folder in folders for file in (Path(folder) / kind).glob("*.*"))
     return {file.stem: file for file in sorted(files)}
 
 
@@ -41,8 +41,10 @@ def file_or_shipped(given: Path | str, package: str, kind: str) -> Path:
 
 
 def summary(file: Path) -> str:
-    """Return what a file says of itself: its leading comment, or the text under its heading."""
+    """Return a file's description: its leading comment, or the text under its heading."""
     lines = file.read_text(encoding="utf-8").splitlines()
     if file.suffix == ".md":
         return " ".join(takewhile(bool, lines[2:]))
-    return " ".join(line.lstrip("# ") for line in takewhile(lambda one: one.startswith("#"), lines))
+    return " ".join(
+        line.lstrip("# ") for line in takewhile(lambda table: table.startswith("#"), lines)
+    )

@@ -1,4 +1,4 @@
-"""What commands show on a terminal; with ``cli`` the only one that prints."""
+"""Output of commands on a terminal; with ``cli`` the only module that prints."""
 
 import logging
 import os
@@ -179,18 +179,18 @@ def check_outputs(
     from fgnav.io.exports.tables import ESTIMATE, SUMMARY  # noqa: PLC0415
     from fgnav.io.flight.folder import files_of  # noqa: PLC0415
 
-    places = [] if report is None else [report]
+    paths = [] if report is None else [report]
     if json is not None and json != "-":
         check_place(Path(json))
-        places.append(Path(json))
+        paths.append(Path(json))
     if folder is not None:
         check_folder(folder)
-        places += [folder / ESTIMATE, folder / SUMMARY]
-    places = [place for place in places if place.exists()]
-    for own in files_of(flight) if places else ():
-        for place in places:
-            if own.exists() and own.samefile(place):
-                raise BadInputError(f"{place}: is a file of the flight itself; name another")
+        paths += [folder / ESTIMATE, folder / SUMMARY]
+    paths = [path for path in paths if path.exists()]
+    for recorded in files_of(flight) if paths else ():
+        for path in paths:
+            if recorded.exists() and recorded.samefile(path):
+                raise BadInputError(f"{path}: is a file of the flight itself; name another")
 
 
 def show_comparison(comparison: "Comparison") -> None:

@@ -50,7 +50,7 @@ class AttitudeSolution:
     def consistent(
         self, false_alarm: float = 1e-4, variance_factor: float | FloatArray = 1.0
     ) -> BoolArray:
-        """Return which epochs pass the chi-square test of their residuals, (n,).
+        """Mask of the epochs that pass the chi-square test of their residuals, (n,).
 
         With a factor, or one for each epoch, (n,), as if variances were so many times the stated.
 
@@ -75,7 +75,7 @@ class AttitudeSolution:
         return factor if self.degrees_of_freedom[rows].sum() >= _TELLING else max(factor, 1.0)
 
     def variance_factor_so_far(self) -> FloatArray:
-        """Return the same for each epoch by epochs up to it alone, (n,).
+        """Return the variance factor of each epoch by the epochs up to it alone, (n,).
 
         1 until their residuals have some 250 degrees of freedom together, of which the median knows
         the factor to a ninth; renewed whenever the number of epochs has doubled since.
@@ -201,7 +201,7 @@ def searched_again(
     if not len(rows):
         return solution
     result = maximum_likelihood(quadratic[rows], R_nb_start)
-    parts = {one.name: getattr(solution, one.name).copy() for one in fields(solution)}
+    parts = {field.name: getattr(solution, field.name).copy() for field in fields(solution)}
     for name, values in parts.items():
         values[rows] = getattr(result, name)
     return AttitudeSolution(**parts)
@@ -240,14 +240,14 @@ def _descend(quadratic: RotationQuadratic, start: FloatArray) -> tuple[FloatArra
         active = np.flatnonzero(~settled)
         if not len(active):
             break
-        part, here = quadratic[active], R_nb[active]
+        form, here = quadratic[active], R_nb[active]
         # A flat direction is not searched: its inverse is set to zero.
-        inverse, _, _ = _bounded_inverse(part.information_at(here), open_variance_rad2=0.0)
-        gradient = part.gradient_at(here)
+        inverse, _, _ = _bounded_inverse(form.information_at(here), open_variance_rad2=0.0)
+        gradient = form.gradient_at(here)
         step = -np.einsum("nij,nj->ni", inverse, gradient)
         settled[active] = -np.einsum("ni,ni->n", step, gradient) < _STEP_SIGMAS**2
         trial_R_nb = here @ rotations.exp(share[active, None] * step)
-        better = part.chi_square(trial_R_nb) <= part.chi_square(here) + _STEP_SIGMAS**2
+        better = form.chi_square(trial_R_nb) <= form.chi_square(here) + _STEP_SIGMAS**2
         R_nb[active] = np.where(better[:, None, None], trial_R_nb, here)
         share[active] = np.where(better, np.minimum(2 * share[active], 1), share[active] / 4)
     return R_nb, settled
@@ -279,11 +279,13 @@ def _restarted(
     doubtful = np.flatnonzero(quadratic.chi_square(R_nb) > freedom + 4 * np.sqrt(2 * freedom))
     if not len(doubtful):
         return R_nb, settled
-    part, lowest = quadratic[doubtful], quadratic.chi_square(R_nb)[doubtful]
-    grid = np.array([part.chi_square(np.tile(turn, (len(doubtful), 1, 1))) for turn in _quarters()])
+    form, lowest = quadratic[doubtful], quadratic.chi_square(R_nb)[doubtful]
+    grid = np.array(
+        [form.chi_square(np.tile(quarter, (len(doubtful), 1, 1))) for quarter in _quarters()]
+    )
     for start in np.argsort(grid, axis=0)[:_RESTARTS]:
-        trial, ended = _descend(part, _quarters()[start])
-        chi_square = part.chi_square(trial)
+        trial, ended = _descend(form, _quarters()[start])
+        chi_square = form.chi_square(trial)
         better = chi_square < lowest - _STEP_SIGMAS
         lowest = np.where(better, chi_square, lowest)
         R_nb[doubtful[better]], settled[doubtful[better]] = trial[better], ended[better]

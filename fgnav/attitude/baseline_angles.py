@@ -33,16 +33,18 @@ class BaselineAngles(NamedTuple):
 
 def reported_baselines(flight: Flight) -> Mapping[str, FloatArray]:
     """Return unit vectors in body axes: of receivers' baselines, and of antennas in a line."""
-    place = {antenna.name: antenna.position_b_m for antenna in flight.antennas}
-    pairs = {frozenset(one.antennas): one.antennas for one in flight.baselines}
-    if len(place) > 1:
-        names = list(place)
-        from_first = np.stack([place[name] - place[names[0]] for name in names])
+    position_of = {antenna.name: antenna.position_b_m for antenna in flight.antennas}
+    pairs = {frozenset(baseline.antennas): baseline.antennas for baseline in flight.baselines}
+    if len(position_of) > 1:
+        names = list(position_of)
+        from_first = np.stack([position_of[name] - position_of[names[0]] for name in names])
         size = np.linalg.svd(from_first, compute_uv=False)
         if (size[1:] <= _ALIGNED * size[0]).all():
             ends = names[0], names[int(np.abs(from_first).sum(axis=1).argmax())]
             pairs.setdefault(frozenset(ends), ends)
-    vectors = {" to ".join(ends): place[ends[1]] - place[ends[0]] for ends in pairs.values()}
+    vectors = {
+        " to ".join(ends): position_of[ends[1]] - position_of[ends[0]] for ends in pairs.values()
+    }
     lengths = {name: float(np.linalg.norm(vector)) for name, vector in vectors.items()}
     return {name: v / lengths[name] for name, v in vectors.items() if lengths[name] > _SHORTEST_M}
 

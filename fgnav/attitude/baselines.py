@@ -125,7 +125,7 @@ def weighted_baselines(differences: DoubleDifferences, integers: Integers) -> Fi
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BodyMotion:
-    """Where the body's origin was at epochs of known attitude, by the reference antenna's code."""
+    """Positions of the body's origin at epochs of known attitude, by the reference's code."""
 
     p_n_m: FloatArray | None = None  # (n, 3)
     position_covariance_m2: FloatArray | None = None  # (n, 3, 3)
@@ -145,11 +145,11 @@ def body_motion(flight: Flight, t_s: FloatArray, R_nb: FloatArray) -> BodyMotion
         code = code_solution(flight)
     except NoSolutionError as error:
         return BodyMotion(notes=(note("W505", reason=error),))
-    places = _bridged(t_s, code.t_s, code.p_n_m, code.position_covariance_m2, power=2)
-    if places is None:
+    positions = _bridged(t_s, code.t_s, code.p_n_m, code.position_covariance_m2, power=2)
+    if positions is None:
         reason = "some epochs lie outside the code solutions"
         return BodyMotion(notes=(note("W505", reason=reason),))
-    p_n_m, position_covariance, bridged = places
+    p_n_m, position_covariance, bridged = positions
     notes = [note("I506", count=bridged)] if bridged else []
     arm_b_m = flight.antennas[0].position_b_m
     rates = None

@@ -21,7 +21,7 @@ _SEEN_TOGETHER = 2.5  # sample intervals over which the line of sight is interpo
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Track:
-    """Where one antenna at ``arm_b_m`` was and how it moved, (k, 3); velocity NaN where unknown.
+    """Position and velocity of an antenna at ``arm_b_m``, (k, 3); velocity NaN where unknown.
 
     Covariances are (k, 3, 3).
     """
@@ -127,14 +127,14 @@ def measured_vectors(
         variance.append((sight.sigma_rad * distance_m) ** 2 + of_position_m2)
         sources.append("line of sight")
     force = (v_n[0], v_b[0]) if "specific force" in sources else None
-    for one in heading_baselines(flight):
-        e_n = at_epochs(one.of.t_s, _unit(one.of.vector_n_m), track.t_s)
-        e_b = np.tile(_unit(one.vector_b_m), (len(e_n), 1))
-        if one.of.measured == "heading" and force is not None:
+    for baseline in heading_baselines(flight):
+        e_n = at_epochs(baseline.of.t_s, _unit(baseline.of.vector_n_m), track.t_s)
+        e_b = np.tile(_unit(baseline.vector_b_m), (len(e_n), 1))
+        if baseline.of.measured == "heading" and force is not None:
             e_n = with_pitch(e_n, e_b[0], *force)
-        v_n, v_b, sources = [*v_n, e_n], [*v_b, e_b], [*sources, f"receiver {one.name}"]
-        last = (np.searchsorted(one.of.t_s, track.t_s, side="right") - 1).clip(0)
-        variance.append(one.variance_rad2[last])
+        v_n, v_b, sources = [*v_n, e_n], [*v_b, e_b], [*sources, f"receiver {baseline.name}"]
+        last = (np.searchsorted(baseline.of.t_s, track.t_s, side="right") - 1).clip(0)
+        variance.append(baseline.variance_rad2[last])
     n, k = len(track.t_s), len(sources)
     pairs = VectorPairs(
         v_n=np.stack(v_n, axis=1) if k else np.zeros((n, 0, 3)),
@@ -164,11 +164,13 @@ def _force_covariance(imu: Imu, track: Track, *, causal: bool) -> FloatArray:
     out = np.full((len(t_s), 3, 3), np.nan)
     if of_velocity is None or len(t_s) < 3:
         return out
-    apart = 1 if causal else 2
-    span_s = (t_s[apart:] - t_s[:-apart])[:, None, None]
+    spacing = 1 if causal else 2
+    span_s = (t_s[spacing:] - t_s[:-spacing])[:, None, None]
     white = imu.accelerometer_noise_mps2_per_sqrt_hz**2 / span_s
     of_force = (white + imu.accelerometer_bias_mps2**2) * np.eye(3)
-    out[1 : len(span_s) + 1] = (of_velocity[apart:] + of_velocity[:-apart]) / span_s**2 + of_force
+    out[1 : len(span_s) + 1] = (
+        of_velocity[spacing:] + of_velocity[:-spacing]
+    ) / span_s**2 + of_force
     return out
 
 

@@ -1,4 +1,4 @@
-"""How a body turns, told by what it carries: its gyroscope or, of a spin, its accelerometer alone.
+"""Rotation of a body by its gyroscope or, of a spin, by its accelerometer alone.
 
 Specific force keeps its direction in ``n`` for longer than a spin takes. So it turns through the
 body's axes against the body's own rate, and that tells the rate, all three components of it, as
@@ -32,9 +32,9 @@ class ImuRotation:
 
     def at(self, t_s: FloatArray) -> FloatArray:
         """Return R_ub at times, (n,), as (n, 3, 3)."""
-        row = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
-        since_s = (t_s - self.t_s[row])[:, None]
-        return np.asarray(self.R_ub[row] @ exp(self.w_b_radps[row] * since_s))
+        k = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
+        since_s = (t_s - self.t_s[k])[:, None]
+        return np.asarray(self.R_ub[k] @ exp(self.w_b_radps[k] * since_s))
 
     def rates(self, t_s: FloatArray) -> FloatArray:
         """Return rates at times, (n,), as (n, 3)."""

@@ -61,11 +61,12 @@ class RotationQuadratic:
         antenna's group shares its error as a constant, which its receiver term takes up.
         """
         joint = range_information(differences, ranges_m, differences.baselines_b_m)
-        seen, group = np.isfinite(ranges_m), differences.group
+        finite, group = np.isfinite(ranges_m), differences.group
         receivers = [
-            seen[:, :, group == g].any(axis=2).sum(axis=1) for g in range(group.max(initial=-1) + 1)
+            finite[:, :, group == g].any(axis=2).sum(axis=1)
+            for g in range(group.max(initial=-1) + 1)
         ]
-        count = seen.sum(axis=(1, 2)) - sum(receivers, np.zeros(len(seen), dtype=np.int64))
+        count = finite.sum(axis=(1, 2)) - sum(receivers, np.zeros(len(finite), dtype=np.int64))
         return cls(joint[:, :9, :9].copy(), joint[:, :9, 9].copy(), joint[:, 9, 9].copy(), count)
 
     @classmethod

@@ -68,38 +68,38 @@ def stated_vector_b_m(flight: Flight, of: Baseline) -> FloatArray:
 
 def heading_baselines(flight: Flight) -> tuple[BodyBaseline, ...]:
     """Return baselines that determine a heading: of receivers, else by differences of fixes."""
-    given = _precise(body_baseline(flight, one) for one in flight.baselines)
+    given = _precise(body_baseline(flight, baseline) for baseline in flight.baselines)
     if given or flight.observations is not None:
         return given
-    apart = (
-        body_baseline(flight, one)
-        for one in fix_baselines(flight)
-        if np.linalg.norm(stated_vector_b_m(flight, one)) > SHORTEST_M
+    measured = (
+        body_baseline(flight, baseline)
+        for baseline in fix_baselines(flight)
+        if np.linalg.norm(stated_vector_b_m(flight, baseline)) > SHORTEST_M
     )
-    return _precise(apart)
+    return _precise(measured)
 
 
 def _precise(baselines: Iterable[BodyBaseline]) -> tuple[BodyBaseline, ...]:
     """Return baselines with the samples alone whose direction is known."""
     left = []
-    for one in baselines:
-        precise = one.variance_rad2 < KNOWN_RAD**2
+    for baseline in baselines:
+        precise = baseline.variance_rad2 < KNOWN_RAD**2
         if precise.any():
-            left.append(one._replace(of=one.of[precise]))
+            left.append(baseline._replace(of=baseline.of[precise]))
     return tuple(left)
 
 
 def fix_baselines(flight: Flight) -> Iterator[Baseline]:
     """Yield baselines between antennas that have fixes at the same times."""
-    for one, other in combinations(flight.fixes, 2):
-        row = np.searchsorted(other.t_s, one.t_s - _SAME_S).clip(max=len(other.t_s) - 1)
-        vector = other.p_n_m[row] - one.p_n_m
-        variance = other.position_sigma_m[row] ** 2 + one.position_sigma_m**2
-        same = (np.abs(other.t_s[row] - one.t_s) < _SAME_S) & vector.any(axis=1)
+    for first, other in combinations(flight.fixes, 2):
+        k = np.searchsorted(other.t_s, first.t_s - _SAME_S).clip(max=len(other.t_s) - 1)
+        vector = other.p_n_m[k] - first.p_n_m
+        variance = other.position_sigma_m[k] ** 2 + first.position_sigma_m**2
+        same = (np.abs(other.t_s[k] - first.t_s) < _SAME_S) & vector.any(axis=1)
         if same.any():
             yield Baseline(
-                t_s=one.t_s[same],
-                antennas=(one.antenna, other.antenna),
+                t_s=first.t_s[same],
+                antennas=(first.antenna, other.antenna),
                 vector_n_m=vector[same],
                 covariance_m2=variance[same, None] * np.eye(3),
             )

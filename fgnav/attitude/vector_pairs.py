@@ -37,12 +37,12 @@ class VectorPairs:
         freeze("vector pairs", self, {"v_b": self.v_n.shape}, gaps=True)
         freeze("vector pairs", self, {"weight": self.v_n.shape[:2]})
         if (self.weight < 0).any():
-            least = self.weight.min()
-            raise BadInputError(f"vector pairs weight: must not be negative, got {least:g}")
+            smallest = self.weight.min()
+            raise BadInputError(f"vector pairs weight: must not be negative, got {smallest:g}")
 
     @property
     def valid(self) -> BoolArray:
-        """Whether an epoch has a pair with a length in both frames, (n, k)."""
+        """Mask of the pairs that have a length in both frames, (n, k)."""
         lengths = np.minimum(_length(self.v_n), _length(self.v_b))[..., 0]  # NaN if either is
         return np.asarray((lengths > 0) & (self.weight > 0))
 
@@ -89,10 +89,10 @@ class VectorAttitude:
 def stacked(parts: Sequence[VectorPairs]) -> VectorPairs:
     """Return pairs of the same epochs, one part after the other."""
     return VectorPairs(
-        v_n=np.concatenate([part.v_n for part in parts], axis=1),
-        v_b=np.concatenate([part.v_b for part in parts], axis=1),
-        weight=np.concatenate([part.weight for part in parts], axis=1),
-        sources=tuple(source for part in parts for source in part.sources),
+        v_n=np.concatenate([pairs.v_n for pairs in parts], axis=1),
+        v_b=np.concatenate([pairs.v_b for pairs in parts], axis=1),
+        weight=np.concatenate([pairs.weight for pairs in parts], axis=1),
+        sources=tuple(source for pairs in parts for source in pairs.sources),
     )
 
 
@@ -147,10 +147,10 @@ def wahba(pairs: VectorPairs) -> VectorAttitude:
     rank = np.where(s[:, 0] > 0, 1 + determined, 0)
     R_nb = np.concatenate([U[:, :, :2], U[:, :, 2:] * handed[:, None, None]], axis=2) @ Vt
     open_axis_b = np.full((len(B), 3), np.nan)
-    one = rank == 1
+    single = rank == 1
     # The sign of a singular vector is arbitrary, that of the axis does not matter.
-    open_axis_b[one] = Vt[one, 0]
-    R_nb[one] = upright(R_nb[one], Vt[one, 0])
+    open_axis_b[single] = Vt[single, 0]
+    R_nb[single] = upright(R_nb[single], Vt[single, 0])
     R_nb[rank == 0] = np.nan
     return VectorAttitude(R_nb=R_nb, rank=rank, open_axis_b=open_axis_b)
 
@@ -163,7 +163,7 @@ def attitude_profile(pairs: VectorPairs) -> FloatArray:
 
 
 def collinear(v_b: FloatArray) -> bool:
-    """Return whether vectors, (k, 3), lie on one line, so that no epoch of them is determined."""
+    """Return True if vectors, (k, 3), lie on one line, so that no epoch of them is determined."""
     squares = np.linalg.eigvalsh(v_b.T @ v_b)
     return bool(squares[1] <= _COLLINEAR * squares[2])
 
@@ -187,8 +187,8 @@ def sensitivity(solve: Callable[[VectorPairs], FloatArray], pairs: VectorPairs) 
         step[:, k, axis] = steps[:, k]
         before, after = (solve(replace(pairs, v_n=pairs.v_n + one)) for one in (-step, step))
         has = pairs.valid[:, k] & np.isfinite(before[:, 0, 0]) & np.isfinite(after[:, 0, 0])
-        turn = log(before[has].swapaxes(1, 2) @ after[has])
-        S[has, k, :, axis] = turn / (2 * steps[has, k, None])
+        rotation = log(before[has].swapaxes(1, 2) @ after[has])
+        S[has, k, :, axis] = rotation / (2 * steps[has, k, None])
     return S
 
 

@@ -71,5 +71,5 @@ def campaign(
 
 
 def _cores() -> int:
-    """Return how many processors this process may use."""
+    """Count the processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -50,7 +50,7 @@ def import_(
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import assemble, write  # noqa: PLC0415
-    from fgnav.io.importers.recognise import recognised  # noqa: PLC0415
+    from fgnav.io.importers.recognise import recognise_format  # noqa: PLC0415
     from fgnav.io.importers.settings import read_settings  # noqa: PLC0415
 
     if not recordings:
@@ -64,7 +64,7 @@ def import_(
     ):
         imported = []
         for one in recordings:
-            name, file = recognised(one, Path(scratch), format)
+            name, file = recognise_format(one, Path(scratch), format)
             with step(f"reading {one}"):
                 imported.append(importer_named(name)(file, stated, Path(scratch)))
         with step(f"writing {out}"):

@@ -1,4 +1,4 @@
-"""What every command says beside its results: how much, in which colour, and into which file."""
+"""Log of every command beside its results: level, colour, and file."""
 
 import logging
 import os

@@ -39,8 +39,8 @@ def new(
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import SETTINGS_NAME, assemble, write  # noqa: PLC0415
     from fgnav.io.importers.comments import comments  # noqa: PLC0415
-    from fgnav.io.importers.guess import guessed  # noqa: PLC0415
-    from fgnav.io.importers.recognise import UnknownFormatError, recognised  # noqa: PLC0415
+    from fgnav.io.importers.guess import guess_table  # noqa: PLC0415
+    from fgnav.io.importers.recognise import UnknownFormatError, recognise_format  # noqa: PLC0415
     from fgnav.io.importers.settings import Settings  # noqa: PLC0415
 
     if not recordings:
@@ -54,12 +54,12 @@ def new(
     ):
         for one in recordings:
             try:
-                files[one] = recognised(one, Path(scratch), format)
+                files[one] = recognise_format(one, Path(scratch), format)
             except UnknownFormatError as error:
                 passed_over.append(error)
         if not files:
             raise passed_over[0]
-        tables = tuple(guessed(file) for name, file in files.values() if name == "csv")
+        tables = tuple(guess_table(file) for name, file in files.values() if name == "csv")
         settings = Settings(csv=tables)
         found = []
         for one, (name, file) in files.items():

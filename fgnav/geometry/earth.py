@@ -36,9 +36,9 @@ def geodetic(p_e_m: FloatArray) -> FloatArray:
     """Return (n, 3) latitude rad, longitude rad, ellipsoidal height m, of ECEF positions."""
     from pymap3d import ecef2geodetic  # noqa: PLC0415  # lazy, as above
 
-    place = ecef2geodetic(p_e_m[:, 0], p_e_m[:, 1], p_e_m[:, 2], deg=False)
+    coordinates = ecef2geodetic(p_e_m[:, 0], p_e_m[:, 1], p_e_m[:, 2], deg=False)
     # A single point comes back without its axis.
-    return np.stack([np.reshape(x, len(p_e_m)) for x in place], axis=-1)
+    return np.stack([np.reshape(x, len(p_e_m)) for x in coordinates], axis=-1)
 
 
 def ned_axes(latitude_rad: FloatArray, longitude_rad: FloatArray) -> FloatArray:
@@ -98,14 +98,14 @@ class Origin:
     @property
     def p_e_m(self) -> FloatArray:
         """ECEF position of the origin, (3,)."""
-        place = np.array([[self.latitude_rad], [self.longitude_rad], [self.height_m]])
-        return np.asarray(ecef(*place)[0])
+        coordinates = np.array([[self.latitude_rad], [self.longitude_rad], [self.height_m]])
+        return np.asarray(ecef(*coordinates)[0])
 
     @property
     def R_ne(self) -> FloatArray:
         """Rotation from ECEF to the local frame, (3, 3)."""
-        place = np.array([[self.latitude_rad], [self.longitude_rad]])
-        return np.asarray(ned_axes(*place)[0])
+        coordinates = np.array([[self.latitude_rad], [self.longitude_rad]])
+        return np.asarray(ned_axes(*coordinates)[0])
 
     def to_n(self, p_e_m: FloatArray) -> FloatArray:
         """Return (n, 3) local positions of ECEF positions."""
@@ -121,8 +121,8 @@ class Origin:
         Files and instruments speak of north where the vehicle is; the frame ``n`` stays where the
         origin is. ``v_n = local_ned(p_n_m) @ v_ned``.
         """
-        place = geodetic(self.to_e(p_n_m))
-        return np.asarray(self.R_ne @ ned_axes(place[:, 0], place[:, 1]).swapaxes(1, 2))
+        coordinates = geodetic(self.to_e(p_n_m))
+        return np.asarray(self.R_ne @ ned_axes(coordinates[:, 0], coordinates[:, 1]).swapaxes(1, 2))
 
     @property
     def earth_rate_n_radps(self) -> FloatArray:
@@ -149,17 +149,19 @@ class Origin:
         p_e_m = self.to_e(p_n_m)
         if model == "j2":
             return _j2_gravity_e_mps2(p_e_m) @ self.R_ne.T
-        place = geodetic(p_e_m)
+        coordinates = geodetic(p_e_m)
         g_ned_mps2 = np.zeros_like(p_n_m)
         if model == "constant":
             g_ned_mps2[:, 2] = STANDARD_GRAVITY_MPS2
         elif model == "wgs84-normal":
-            g_ned_mps2[:, 0], g_ned_mps2[:, 2] = _normal_gravity_mps2(place[:, 0], place[:, 2])
+            g_ned_mps2[:, 0], g_ned_mps2[:, 2] = _normal_gravity_mps2(
+                coordinates[:, 0], coordinates[:, 2]
+            )
         else:
             raise BadInputError(
                 f"gravity model: must be wgs84-normal, j2 or constant, got {model!r}"
             )
-        R_ne_there = ned_axes(place[:, 0], place[:, 1])
+        R_ne_there = ned_axes(coordinates[:, 0], coordinates[:, 1])
         g_e_mps2 = np.einsum("nij,ni->nj", R_ne_there, g_ned_mps2)
         return np.asarray(g_e_mps2 @ self.R_ne.T)
 

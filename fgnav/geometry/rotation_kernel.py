@@ -170,7 +170,7 @@ def series(v: FloatArray, once: float, twice: float) -> FloatArray:
 def bend(
     v: FloatArray, x: FloatArray, once: float, twice: float, slope: float, second: float
 ) -> FloatArray:
-    """Return how ``a K x + b K2 x``, K of v, moves by v, (3, 3); slopes of a, b over its size."""
+    """Return the derivative of ``a K x + b K2 x`` by v, (3, 3); slopes of a, b over its size."""
     K = skew(v)
     K_x = times(K, x)
     KK_x, out = times(K, K_x), skew(x)

@@ -46,8 +46,8 @@ def quaternion_wxyz(R: FloatArray) -> FloatArray:
         K[:, 0, i + 1] = K[:, i + 1, 0] = R[:, j, k] - R[:, k, j]
     for i, j in [(0, 1), (0, 2), (1, 2)]:
         K[:, i + 1, j + 1] = K[:, j + 1, i + 1] = R[:, i, j] + R[:, j, i]
-    row = K[np.arange(len(R)), four_squares.argmax(axis=1)]
-    return np.asarray(row / np.linalg.norm(row, axis=1, keepdims=True))
+    q = K[np.arange(len(R)), four_squares.argmax(axis=1)]
+    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
 
 def from_euler(roll_rad: FloatArray, pitch_rad: FloatArray, yaw_rad: FloatArray) -> FloatArray:

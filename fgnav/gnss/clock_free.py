@@ -21,7 +21,7 @@ _AT_ONCE = 200  # epochs: 10 MB
 
 
 class ClockFree(NamedTuple):
-    """What is left of values y of links: P is their weight less what clocks explain."""
+    """Values y of links with the clocks eliminated: P is their weight less what clocks explain."""
 
     weighted: FloatArray  # (n, a, m, v): P y
     normal: FloatArray  # (n, v, v): y' P y
@@ -93,15 +93,15 @@ def range_information(
     columns = 3 * coordinates.shape[1]
     out = np.empty((n, columns + 1, columns + 1))
     for first in range(0, n, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        seen = np.isfinite(ranges_m[part])
-        values = np.zeros((len(seen), b + 1, m, columns + 1))
-        design = np.einsum("nji,bc->nbjic", -differences.e_n[part], coordinates)
-        values[:, 1:, :, :-1] = design.reshape(*seen.shape, columns)
-        values[:, 1:, :, -1] = np.where(seen, ranges_m[part], 0.0)
-        links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
-        variance_m2 = differences.phase_variance_m2[part]
-        out[part] = clock_free(differences.group, links, variance_m2, values).normal
+        block = slice(first, first + _AT_ONCE)
+        finite = np.isfinite(ranges_m[block])
+        values = np.zeros((len(finite), b + 1, m, columns + 1))
+        design = np.einsum("nji,bc->nbjic", -differences.e_n[block], coordinates)
+        values[:, 1:, :, :-1] = design.reshape(*finite.shape, columns)
+        values[:, 1:, :, -1] = np.where(finite, ranges_m[block], 0.0)
+        links = np.concatenate([finite.any(axis=1, keepdims=True), finite], axis=1)
+        variance_m2 = differences.phase_variance_m2[block]
+        out[block] = clock_free(differences.group, links, variance_m2, values).normal
     return out
 
 

@@ -51,7 +51,7 @@ def band(satellite: str, signal: str) -> str:
 
 
 def known(satellite: str, signal: str) -> bool:
-    """Whether the signal's carrier frequency is known."""
+    """Return True if the signal's carrier frequency is known."""
     return band(satellite, signal) in _FREQUENCY_HZ.get(satellite[:1], {})
 
 
@@ -153,7 +153,9 @@ def select(
             names = [s for s, column in zip(chosen, row, strict=True) if s and column >= 0]
             if names:
                 rows.append((satellite, names[0], row))
-    channel = np.array([row for _, _, row in rows], dtype=np.int64).reshape(-1, coded.shape[1]).T
+    channel = (
+        np.array([columns for _, _, columns in rows], dtype=np.int64).reshape(-1, coded.shape[1]).T
+    )
     return Selection(
         satellites=tuple(satellite for satellite, _, _ in rows),
         signals=tuple(signal for _, signal, _ in rows),
@@ -181,7 +183,7 @@ def _chosen(
 def _chosen_first(
     coded: BoolArray, phased: BoolArray, by_signal: dict[str, dict[str, int]], preferred: str | None
 ) -> Sequence[str | None]:
-    """Return the same by what each antenna, (n, a, c), has when it has any of them first."""
+    """Return the choice by the signals that each antenna, (n, a, c), has first."""
     by_name = {signal: by_signal[signal] for signal in sorted(by_signal)}
     columns = [column for of in by_name.values() for column in of.values()]
     tracks = coded[:, :, columns].any(axis=2)

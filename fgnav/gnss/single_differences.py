@@ -176,11 +176,11 @@ def _bend(p_n_m: FloatArray, t_s: FloatArray, solution: CodeSolution) -> None:
     span_s = have_s[after] - have_s[after - 1]
     inside = (span_s > _GAP * np.median(np.diff(have_s))) & (have_s[after - 1] < t_s)
     inside &= (t_s < have_s[after]) & np.isfinite(v_n_mps[[after - 1, after]]).all(axis=(0, 2))
-    row = after[inside]
+    k = after[inside]
     span_s = span_s[inside, None]
-    share = (t_s[inside] - have_s[row - 1])[:, None] / span_s
-    rest = solution.p_n_m[row] - solution.p_n_m[row - 1]
-    first, last = v_n_mps[row - 1] * span_s - rest, rest - v_n_mps[row] * span_s
+    share = (t_s[inside] - have_s[k - 1])[:, None] / span_s
+    rest = solution.p_n_m[k] - solution.p_n_m[k - 1]
+    first, last = v_n_mps[k - 1] * span_s - rest, rest - v_n_mps[k] * span_s
     p_n_m[inside] += share * (1 - share) * ((1 - share) * first + share * last)
 
 

@@ -137,10 +137,10 @@ def undifferenced(flight: Flight, *, base: bool = False) -> Undifferenced:
 
 
 def _refused(flight: Flight, observations: Observations, satellites: tuple[str, ...]) -> BoolArray:
-    """Return which codes contradict the others of their epoch, (n, m)."""
+    """Return the mask of codes that contradict the others of their epoch, (n, m)."""
     solution = code_solution(flight, causal=True)
-    place = {satellite: k for k, satellite in enumerate(solution.satellites)}
-    column = np.array([place.get(satellite, -1) for satellite in satellites])
+    column_of = {satellite: k for k, satellite in enumerate(solution.satellites)}
+    column = np.array([column_of.get(satellite, -1) for satellite in satellites])
     out = np.zeros((len(observations.t_s), len(satellites)), dtype=np.bool_)
     out[solution.epoch] = (column >= 0) & ~solution.used[:, column]
     return out

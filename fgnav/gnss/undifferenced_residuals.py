@@ -20,7 +20,7 @@ _LOWEST_RAD = 0.05  # models of the atmosphere are not asked about less
 
 
 class Residuals(NamedTuple):
-    """What one receiver's observations leave, (n, m); NaN where there is nothing."""
+    """Residuals of one receiver's observations, (n, m); NaN where there are none."""
 
     code_m: FloatArray
     phase_m: FloatArray
@@ -32,22 +32,24 @@ class Residuals(NamedTuple):
 def residuals_of_base(
     flight: Flight, t_s: FloatArray, names: list[tuple[str, str]]
 ) -> tuple[Residuals, IntArray]:
-    """Return what the base's observations leave at epochs, (n,), and its flags."""
+    """Return the residuals of the base's observations at epochs, (n,), and its flags."""
     base = flight.base
     if base is None:
         raise NoSolutionError(f"flight {flight.name}: has no base station")
     of_rover = {(s[0], band(s, g)): g for s, g in names}
     chosen = select(base.observations, causal=True, preferred=of_rover)
     pairs = zip(chosen.satellites, chosen.signals, strict=True)
-    place = {(s, band(s, g)): int(c) for (s, g), c in zip(pairs, chosen.channel[0], strict=True)}
-    columns = np.array([place.get((s, band(s, g)), -1) for s, g in names], dtype=np.int64)
-    row = np.searchsorted(base.observations.t_s, t_s - _SAME_S)
-    row = row.clip(max=len(base.observations.t_s) - 1)
-    same = np.abs(base.observations.t_s[row] - t_s) < _SAME_S
+    column_of = {
+        (s, band(s, g)): int(c) for (s, g), c in zip(pairs, chosen.channel[0], strict=True)
+    }
+    columns = np.array([column_of.get((s, band(s, g)), -1) for s, g in names], dtype=np.int64)
+    k = np.searchsorted(base.observations.t_s, t_s - _SAME_S)
+    k = k.clip(max=len(base.observations.t_s) - 1)
+    same = np.abs(base.observations.t_s[k] - t_s) < _SAME_S
     place_e_m = np.where(same[:, None], base.position_e_m, np.nan)
     channels = named_channels(names, columns)
-    residual = residuals(flight, base.observations, channels, row, place_e_m)
-    return residual, base.observations.lock_flags[row, 0][:, columns]
+    residual = residuals(flight, base.observations, channels, k, place_e_m)
+    return residual, base.observations.lock_flags[k, 0][:, columns]
 
 
 def named_channels(names: list[tuple[str, str]], columns: IntArray) -> CodeChannels:
@@ -69,7 +71,7 @@ def residuals(
     rows: IntArray,
     p_e_m: FloatArray,
 ) -> Residuals:
-    """Return what observations of a receiver's first antenna leave at rows, (n,), and places there.
+    """Return the residuals of a receiver's first antenna at rows, (n,), and its positions.
 
     Parameters
     ----------
@@ -85,12 +87,12 @@ def residuals(
     here = np.asarray(np.isfinite(p_e_m).all(axis=1))
     p_e_m = np.where(here[:, None], p_e_m, flight.origin.p_e_m)
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
-    seen = angles(p_e_m, paths.e_e)
-    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
-    air_m = saastamoinen_m(geodetic(p_e_m), seen[0].clip(_LOWEST_RAD))
+    direction = angles(p_e_m, paths.e_e)
+    delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, direction, ranges.gps_s)
+    air_m = saastamoinen_m(geodetic(p_e_m), direction[0].clip(_LOWEST_RAD))
     on = flight.gnss_noise.atmosphere
     air_m, ions_m = on * air_m, on * (delay_m - air_m)
-    usable = here[:, None] & (seen[0] >= flight.elevation_mask_rad) & (channels.column >= 0)
+    usable = here[:, None] & (direction[0] >= flight.elevation_mask_rad) & (channels.column >= 0)
     flags = observations.lock_flags[rows, 0][:, channels.column]
     resolved = usable & ((flags & HALF_CYCLE) == 0)
     wavelength_m = C_MPS / channels.frequency_hz
@@ -101,6 +103,6 @@ def residuals(
         np.where(usable, code_m, np.nan),
         np.where(resolved, phase_m, np.nan),
         np.where(usable[:, :, None], paths.e_e @ flight.origin.R_ne.T, np.nan),
-        np.where(usable, seen[0], np.nan),
+        np.where(usable, direction[0], np.nan),
         np.sqrt(ranges.message_variance_m2 + on * left_m2).clip(_LEAST_ERROR_M),
     )

@@ -31,6 +31,6 @@ def wind_up_cycles(e_n: FloatArray, R_nb: FloatArray, pole_n: FloatArray) -> Flo
     receiver = x_n - down_n * (down_n * x_n).sum(axis=2, keepdims=True) + np.cross(down_n, left_n)
     satellite = pole_n - down_n * (down_n @ pole_n)[:, :, None]
     sine = (down_n * np.cross(satellite, receiver)).sum(axis=2)
-    turn = np.arctan2(sine, (satellite * receiver).sum(axis=2)) / (2 * np.pi)
-    steps = np.nan_to_num(np.diff(turn, axis=0, prepend=turn[:1]))
-    return np.asarray(turn - np.cumsum(np.rint(steps), axis=0))
+    cycles = np.arctan2(sine, (satellite * receiver).sum(axis=2)) / (2 * np.pi)
+    steps = np.nan_to_num(np.diff(cycles, axis=0, prepend=cycles[:1]))
+    return np.asarray(cycles - np.cumsum(np.rint(steps), axis=0))

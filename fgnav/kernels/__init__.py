@@ -1,1 +1,1 @@
-"""How kernels are compiled (``compiled``, ``linking``), who is told, and where they are kept."""
+"""Compilation of kernels (``compiled``, ``linking``), its announcement and its cache."""

@@ -1,4 +1,4 @@
-"""Who is told that a kernel is compiled: a program that shows why its first run takes long."""
+"""Announcement of a kernel's compilation, to a program that shows why its first run takes long."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""How functions are compiled, ``kernel``: from Python once and for good, within each other once.
+"""Compilation of functions, ``kernel``: from Python once and for good, within each other once.
 
 Called from Python, a kernel is compiled with all that it calls and kept on disk. Called from
 another kernel it is a part of that: no entry from Python or C, no file of its own, and neither

@@ -1,4 +1,4 @@
-"""What only kernels call is optimised and made machine code within these alone.
+"""Linking of kernels: functions that only kernels call become machine code within these alone.
 
 numba does both for each function of a call tree, with all below it, and again within each function
 that calls it: two thirds of the work of LLVM. Here code without an entry from Python is linked as
@@ -52,7 +52,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]  # numba has no type
 
 
 def _executable_if_entered(context: Any, library: Any, function: Any, env: Any) -> object:  # noqa: ANN401
-    """Return what Python calls of a function; of raw code a name for it that leads nowhere."""
+    """Return the entry point that Python calls; of raw code a name for it that leads nowhere."""
     library._ensure_finalized()
     if library.is_raw:
         module = function.lookup_module()

@@ -1,4 +1,4 @@
-"""How outputs are counted whose errors are alike: of overlapping windows, or slow ones.
+"""Correlation of outputs' errors: of overlapping windows, or slow ones.
 
 Of the errors' variance a share s lasts as long as a flight: a constant of the graph, in 1-sigmas,
 that all outputs have in common. The rest is taken as a first-order Gauss-Markov process, correlated
@@ -144,8 +144,8 @@ def _half_life_together_s(flights: Sequence[Errors], lasting: float) -> float:
     wanted = inflation(1.0, HALF_LIVES)
     nearest = _sum(rho, step_s, span_s, step_s)
     if nearest <= wanted:
-        one = (nearest - 1) / (nearest + 1)
-        return float(step_s * np.log(0.5) / np.log(one)) if one > 0 else 0.0
+        correlation = (nearest - 1) / (nearest + 1)
+        return float(step_s * np.log(0.5) / np.log(correlation)) if correlation > 0 else 0.0
     steps = np.geomspace(step_s, span_s, _TRIED)
     sums = np.array([_sum(rho, step_s, span_s, between_s) for between_s in steps])
     above = int(np.flatnonzero(sums > wanted)[-1])  # not the last: of one answer the sum is 1
@@ -162,9 +162,13 @@ def _half_life_swinging_s(flights: Sequence[Errors], lasting: float, axes: int |
     counted = (1 - lasting) * inflation(1.0, HALF_LIVES)
     before, above = 0.0, np.inf
     for every in np.unique(np.geomspace(1, max(longest, 1), _TRIED).astype(np.int64)).tolist():
-        seen = [one for one in even if len(one) >= every * _LEAST_ANSWERS]
-        largest = [_largest(one, every, axes or one.shape[1]) for one in seen]
-        ratio = float(np.mean(largest)) / counted if seen else 0.0
+        long = [
+            series_error for series_error in even if len(series_error) >= every * _LEAST_ANSWERS
+        ]
+        largest = [
+            _largest(series_error, every, axes or series_error.shape[1]) for series_error in long
+        ]
+        ratio = float(np.mean(largest)) / counted if long else 0.0
         if ratio <= 1:
             if every == 1:
                 return 0.0
@@ -210,14 +214,14 @@ def _sum(rho: FloatArray, step_s: float, span_s: float, between_s: float) -> flo
 def _autocorrelation(flights: Sequence[Errors], lasting: float) -> tuple[float, FloatArray]:
     """Return the interval and the autocorrelation of what is new, up to where it is noise."""
     step_s = _step_s(flights)
-    places = [np.rint((t_s - t_s[0]) / step_s).astype(np.int64) for t_s, _ in flights]
-    n = max(int(place[-1]) for place in places) + 1
+    series = [np.rint((t_s - t_s[0]) / step_s).astype(np.int64) for t_s, _ in flights]
+    n = max(int(indices[-1]) for indices in series) + 1
     size = 1 << (2 * n - 1).bit_length()
     products, pairs = np.zeros(n), np.zeros(n)
-    for place, (_, error) in zip(places, flights, strict=True):
-        seen, errors = np.zeros(size), np.zeros((size, error.shape[1]))
-        seen[place], errors[place] = 1.0, error
-        pairs += _correlated(seen[:, None], n)
+    for indices, (_, error) in zip(series, flights, strict=True):
+        present, errors = np.zeros(size), np.zeros((size, error.shape[1]))
+        present[indices], errors[indices] = 1.0, error
+        pairs += _correlated(present[:, None], n)
         products += _correlated(errors, n) / error.shape[1]
     rho = products / np.maximum(pairs, 1.0) / (products[0] / pairs[0])
     rho = (rho - lasting) / (1 - lasting)

@@ -28,7 +28,7 @@ _USED_TWICE = ("magnetometer", "barometer", "position", "velocity")
 
 
 class Queries(NamedTuple):
-    """What a network is asked about some keyframes."""
+    """Inputs of a network at some keyframes."""
 
     rows: IntArray  # (k, 2): keyframes where the answer begins, -1 but of displacements, and ends
     inputs: tuple[FloatArray, ...]  # (k, window, channels) each, in the manifest's units
@@ -86,13 +86,13 @@ class NeuralFactor:
             self._check(name, record)
 
     def __reduce__(self) -> Any:  # noqa: ANN401  # pickle's own form: sessions cannot be copied
-        """Return how to make another in a process of its own."""
+        """Return the constructor and arguments of a copy in another process."""
         again = partial(NeuralFactor, records=self._given, interval_s=self._interval_s)
         return again, (self._network if self._loaded else self._path,)
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         return self._network.manifest.name
 
     @property
@@ -102,7 +102,7 @@ class NeuralFactor:
 
     @property
     def manifest(self) -> Path:
-        """Where the network is stated."""
+        """Path of the network's manifest."""
         return self._path
 
     @property
@@ -113,7 +113,7 @@ class NeuralFactor:
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
-        """What of its errors lasts as long as a flight, in 1-sigmas; none of most."""
+        """Errors that last as long as a flight, in 1-sigmas; none of most networks."""
         output = self._network.manifest.output
         if not output.lasting:
             return ()
@@ -149,7 +149,7 @@ class NeuralFactor:
         if timeline.new == 0:
             self._so_far, self._last_s = {}, -np.inf
         self._so_far = concatenate_records(self._so_far, of_measurements(flight))
-        longest_s = max((one.window + 1) / one.rate_hz for one in self._network.manifest.inputs)
+        longest_s = max((spec.window + 1) / spec.rate_hz for spec in self._network.manifest.inputs)
         kept_s = float(timeline.t_s[-1]) - 2 * longest_s
         self._so_far = {k: v.after(kept_s) for k, v in self._so_far.items()}
         return self._answered({**self._so_far, **self._given}, timeline, ())
@@ -182,10 +182,10 @@ class NeuralFactor:
         BadInputError
             As of a call.
         """
-        seen = windows(self._network.manifest.inputs, self.records_of(flight), t_s)
-        lost = {reason: int(rows.sum()) for reason, rows in seen.lost.items()}
-        inside = self._within_domain(seen, np.flatnonzero(seen.usable), lost)
-        return inside, self._network([x[inside] for x in seen.inputs]), self._unused(lost)
+        samples = windows(self._network.manifest.inputs, self.records_of(flight), t_s)
+        lost = {reason: int(rows.sum()) for reason, rows in samples.lost.items()}
+        inside = self._within_domain(samples, np.flatnonzero(samples.usable), lost)
+        return inside, self._network([x[inside] for x in samples.inputs]), self._unused(lost)
 
     def records_of(self, flight: Flight) -> list[Record]:
         """Return the network's inputs of a flight; errors as of a call."""
@@ -193,53 +193,53 @@ class NeuralFactor:
 
     def _check(self, sensor: str, record: Record) -> None:
         """Raise where a record given beside the flight is not what the network sees."""
-        for row, one in enumerate(self._network.manifest.inputs):
-            if one.sensor != sensor:
+        for index, spec in enumerate(self._network.manifest.inputs):
+            if spec.sensor != sensor:
                 continue
-            where = f"{self._path}: key inputs[{row}]"
-            for key, stated, found in (
-                ("unit", one.unit, record.unit),
-                ("frame", one.frame, record.frame),
-                ("range", len(one.range), record.values.shape[1]),
+            where = f"{self._path}: key inputs[{index}]"
+            for key, stated, actual in (
+                ("unit", spec.unit, record.unit),
+                ("frame", spec.frame, record.frame),
+                ("range", len(spec.range), record.values.shape[1]),
             ):
-                if stated != found:
+                if stated != actual:
                     raise BadInputError(
                         f"{where}.{key}: the network sees {stated} of {sensor!r}, the record "
-                        f"has {found}; convert the record"
+                        f"has {actual}; convert the record"
                         if key != "range"
                         else f"{where}.range: the network sees {stated} channels of {sensor!r}, "
-                        f"the record has {found}; give it those"
+                        f"the record has {actual}; give it those"
                     )
-            check_rate(where, record, one.rate_hz)
+            check_rate(where, record, spec.rate_hz)
 
     def _notes(self, flight: Flight) -> tuple[str, ...]:
-        """Return which of the flight's measurements both the network and the graph use."""
+        """Return notes on measurements that both the network and the graph use."""
         twice = [
-            one.sensor
-            for one in self._network.manifest.inputs
-            if one.sensor in _USED_TWICE
-            and one.sensor not in self._given
-            and one.sensor in of_flight(flight)
+            spec.sensor
+            for spec in self._network.manifest.inputs
+            if spec.sensor in _USED_TWICE
+            and spec.sensor not in self._given
+            and spec.sensor in of_flight(flight)
         ]
         return tuple(
             note("W406", network=self.name, sensor=sensor) for sensor in dict.fromkeys(twice)
         )
 
     def _records(self, have: Mapping[str, Record], flight: str | None) -> list[Record] | None:
-        found = []
-        for row, one in enumerate(self._network.manifest.inputs):
-            where = f"{self._path}: key inputs[{row}]"
-            if one.sensor not in have:
+        records = []
+        for index, spec in enumerate(self._network.manifest.inputs):
+            where = f"{self._path}: key inputs[{index}]"
+            if spec.sensor not in have:
                 if flight is None:  # of a stream it may come yet
                     return None
-                known = "" if one.sensor in SENSORS else f"; known are {', '.join(SENSORS)}"
+                choices = "" if spec.sensor in SENSORS else f"; known are {', '.join(SENSORS)}"
                 raise BadInputError(
-                    f"{where}.sensor: flight {flight} has no {one.sensor!r}{known}; give it by "
+                    f"{where}.sensor: flight {flight} has no {spec.sensor!r}{choices}; give it by "
                     "NeuralFactor(..., records=...)"
                 )
-            check_rate(where, have[one.sensor], one.rate_hz)
-            found.append(have[one.sensor])
-        return found
+            check_rate(where, have[spec.sensor], spec.rate_hz)
+            records.append(have[spec.sensor])
+        return records
 
     def _answered(
         self,
@@ -262,7 +262,7 @@ class NeuralFactor:
         return Sourced(factors=tuple(factors), unused=self._unused(lost), notes=notes)
 
     def queries(self, flight: Flight, timeline: Timeline) -> list[Queries]:
-        """Return what the network is asked about a flight's keyframes; errors as of a call."""
+        """Return the network's inputs at a flight's keyframes; errors as of a call."""
         self._last_s = -np.inf
         have = {**of_flight(flight), **self._given}
         return list(self._queries(have, timeline, {}, flight.name))
@@ -292,42 +292,45 @@ class NeuralFactor:
         )
         for first in range(timeline.new, len(t_s) if records is not None else 0, _AT_ONCE):
             rows = np.arange(first, min(first + _AT_ONCE, len(t_s)))
-            seen = windows(self._network.manifest.inputs, records or [], t_s[rows])
-            for reason, which in seen.lost.items():
-                lost[reason] = lost.get(reason, 0) + int(which.sum())
-            chosen, begin = self._chosen(seen, t_s, rows, lost)
+            samples = windows(self._network.manifest.inputs, records or [], t_s[rows])
+            for reason, mask in samples.lost.items():
+                lost[reason] = lost.get(reason, 0) + int(mask.sum())
+            chosen, begin = self._chosen(samples, t_s, rows, lost)
             both = np.stack([begin[chosen], rows[chosen]], axis=1)
-            yield Queries(both, tuple(x[chosen] for x in seen.inputs), counted)
+            yield Queries(both, tuple(x[chosen] for x in samples.inputs), counted)
 
     def _unused(self, lost: Mapping[str, int]) -> tuple[Unused, ...]:
         return unused_of({(f"{self.name} answer", reason): n for reason, n in lost.items()})
 
     def _chosen(
-        self, seen: Windows, t_s: FloatArray, rows: IntArray, lost: dict[str, int]
+        self, windows: Windows, t_s: FloatArray, rows: IntArray, lost: dict[str, int]
     ) -> tuple[IntArray, IntArray]:
-        """Return which windows are asked about, and where displacements begin, (k,), or -1."""
+        """Select the windows that are answered, and where displacements begin, (k,), or -1."""
         output = self._network.manifest.output
-        usable, begin = np.flatnonzero(seen.usable), np.full(len(rows), -1)
+        usable, begin = np.flatnonzero(windows.usable), np.full(len(rows), -1)
         if output.over_s is not None:
             begin[usable] = _beginnings(t_s, t_s[rows[usable]] - output.over_s)
             reason = f"no keyframe stands {output.over_s:g} s before, where the displacement begins"
             lost[reason] = lost.get(reason, 0) + int((begin[usable] < 0).sum())
             usable = usable[begin[usable] >= 0]
-        inside = self._within_domain(seen, usable, lost)
+        inside = self._within_domain(windows, usable, lost)
         chosen = self._apart(t_s[rows], inside)
         reason = f"within {self.between_s:g} s of another: their errors are alike"
         lost[reason] = lost.get(reason, 0) + len(inside) - len(chosen)
         return chosen, begin
 
-    def _within_domain(self, seen: Windows, usable: IntArray, lost: dict[str, int]) -> IntArray:
+    def _within_domain(self, windows: Windows, usable: IntArray, lost: dict[str, int]) -> IntArray:
         """Return the windows whose figures, which the graph computes, are as in training."""
         domain = self._network.manifest.domain
         if not domain:
             return usable
-        figures = self._network([x[usable] for x in seen.inputs]).figures
+        figures = self._network([x[usable] for x in windows.inputs]).figures
         within = np.ones(len(usable), dtype=np.bool_)
-        for one, figure in zip(domain, figures, strict=True):
-            inside, reason = one.holds(figure), f"{one.beyond}, the network's training domain"
+        for statistic, figure in zip(domain, figures, strict=True):
+            inside, reason = (
+                statistic.holds(figure),
+                f"{statistic.beyond}, the network's training domain",
+            )
             lost[reason] = lost.get(reason, 0) + int((within & ~inside).sum())
             within &= inside
         return usable[within]
@@ -344,5 +347,5 @@ class NeuralFactor:
 
 def _beginnings(t_s: np.ndarray, at_s: np.ndarray) -> IntArray:
     """Return the keyframes at times; -1 where there is none."""
-    row = np.searchsorted(t_s, at_s - 1e-3).clip(0, len(t_s) - 1)
-    return np.where(np.abs(t_s[row] - at_s) < 1e-3, row, -1)
+    k = np.searchsorted(t_s, at_s - 1e-3).clip(0, len(t_s) - 1)
+    return np.where(np.abs(t_s[k] - at_s) < 1e-3, k, -1)

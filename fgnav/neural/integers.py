@@ -1,4 +1,4 @@
-"""What a network says of an array's integers: each with a probability, or candidates' posterior."""
+"""Integers of an array by a network: each with a probability, or candidates' posterior."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class IntegerAnswers:
 
 
 def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAnswers:
-    """Return what a network says of inputs, (k, window, channels) each, of one row or more.
+    """Run a network on inputs, (k, window, channels) each, of one row or more.
 
     Raises
     ------
@@ -32,19 +32,19 @@ def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAn
         of another width.
     """
     manifest, lengths = network.manifest, {len(x) for x in inputs}
-    for row, (one, x) in enumerate(zip(manifest.inputs, inputs, strict=True)):
-        shape = (one.window, len(one.range))
+    for index, (spec, x) in enumerate(zip(manifest.inputs, inputs, strict=True)):
+        shape = (spec.window, len(spec.range))
         if x.shape[1:] != shape or len(lengths) > 1:
             raise BadInputError(
-                f"{network.path}: key inputs[{row}]: {one.name!r} takes rows of shape {shape}, "
+                f"{network.path}: key inputs[{index}]: {spec.name!r} takes rows of shape {shape}, "
                 f"got {x.shape}"
             )
     raw, form = network.run(inputs), manifest.output.covariance.form
     named: dict[str, FloatArray] = {
-        key: part for (key, _), part in zip(manifest.outputs(), raw, strict=True)
+        key: output for (key, _), output in zip(manifest.outputs(), raw, strict=True)
     }
-    for key, part in named.items():
-        if not np.isfinite(part).all():
+    for key, output in named.items():
+        if not np.isfinite(output).all():
             raise BadInputError(f"{network.path}: {key}: not finite")
     value = named["output.name"]
     sure = named.get("output.covariance.name")
@@ -57,5 +57,5 @@ def integer_answers(network: Network, inputs: Sequence[FloatArray]) -> IntegerAn
             f"{network.path}: output.covariance.name: must have {value.shape[1]} numbers, has "
             f"{sure.shape[1]}"
         )
-    inside = [one.inside(x).all(axis=1) for one, x in zip(manifest.inputs, inputs, strict=True)]
+    inside = [spec.inside(x).all(axis=1) for spec, x in zip(manifest.inputs, inputs, strict=True)]
     return IntegerAnswers(value=value, sure=sure, within=np.logical_and.reduce(inside))

@@ -1,4 +1,4 @@
-"""What a network that measures says of itself: the TOML or JSON file beside its ONNX file."""
+"""Manifest of a network that measures: the TOML or JSON file beside its ONNX file."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
@@ -57,11 +57,11 @@ class Input(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check unit, frame and channels against the sensor's."""
-        known = SENSORS.get(self.sensor)
-        channels = len(self.range) if known is None else known.channels
-        if known is not None:
-            _one_of("unit", self.unit, (known.unit,), f"the unit of a flight's {self.sensor}")
-            _one_of("frame", self.frame, (known.frame,), f"the frame of a flight's {self.sensor}")
+        sensor = SENSORS.get(self.sensor)
+        channels = len(self.range) if sensor is None else sensor.channels
+        if sensor is not None:
+            _one_of("unit", self.unit, (sensor.unit,), f"the unit of a flight's {self.sensor}")
+            _one_of("frame", self.frame, (sensor.frame,), f"the frame of a flight's {self.sensor}")
         for key in ("mean", "scale", "range"):
             if len(getattr(self, key)) != channels or not channels:
                 raise ValueError(
@@ -73,7 +73,7 @@ class Input(Table, frozen=True):
                 raise ValueError(f"range: each must be [low, high], low first, got [{low}, {high}]")
 
     def inside(self, values: FloatArray) -> BoolArray:
-        """Return whether all samples of windows, (k, window, channels), are, (k, channels)."""
+        """Return the mask, (k, channels), of windows, (k, window, channels), all in range."""
         low, high = np.array(self.range).T
         return np.asarray(((values >= low) & (values <= high)).all(axis=1))
 
@@ -103,21 +103,21 @@ class Statistic(Table, frozen=True):
             raise ValueError(f"range: must be [low, high], low first, got [{low}, {high}]")
 
     def holds(self, figure: FloatArray) -> BoolArray:
-        """Return which figures are within the range, up to rounding."""
+        """Return the mask of figures within the range, up to rounding."""
         low, high = self.range
         slack = _ROUNDING * max(abs(low), abs(high))
         return np.asarray((figure >= low - slack) & (figure <= high + slack))
 
     @property
     def beyond(self) -> str:
-        """What a report says of figures that are beyond: ``"misfit outside 0.62 to 2.34"``."""
+        """Reason for figures outside the range: ``"misfit outside 0.62 to 2.34"``."""
         low, high = self.range
         unit = f" {self.unit}" if self.unit != "1" else ""
         return f"{self.name.replace('_', ' ')} outside {low:.4g} to {high:.4g}{unit}"
 
 
 class Covariance(Table, frozen=True):
-    """How sure the network says it is.
+    """Covariance of the output, as the network states it.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Covariance(Table, frozen=True):
 
 
 class Output(Table, frozen=True):
-    """What the network measures at the time of its newest samples.
+    """Quantity that the network measures at the time of its newest samples.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class Output(Table, frozen=True):
 
     @property
     def measure(self) -> Measure:
-        """What is known of the quantity."""
+        """Definition of the quantity."""
         return MEASURES[self.measures]
 
     @property
@@ -212,7 +212,7 @@ class Output(Table, frozen=True):
 
 
 class Origin(Table, frozen=True):
-    """What a network was made of, and with.
+    """Provenance of a network: recipe, seed, metrics, software.
 
     Attributes
     ----------
@@ -273,10 +273,10 @@ class Manifest(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Check the file's name, and that samples in time have a rate."""
-        for row, one in enumerate(self.inputs):
-            if self.output.measure.freedom and not one.rate_hz:
+        for index, spec in enumerate(self.inputs):
+            if self.output.measure.freedom and not spec.rate_hz:
                 raise ValueError(
-                    f"inputs[{row}].rate_hz: must be above 0 of a network that measures "
+                    f"inputs[{index}].rate_hz: must be above 0 of a network that measures "
                     f"{self.output.measures}, got 0"
                 )
         if Path(self.onnx).name != self.onnx or not self.onnx.endswith(".onnx"):
@@ -290,7 +290,10 @@ class Manifest(Table, frozen=True):
         output = self.output
         named = [("output.name", output.name), ("output.covariance.name", output.covariance.name)]
         if output.measure.freedom:  # what a resolver computes of an epoch is none
-            named += [(f"domain[{row}].name", one.name) for row, one in enumerate(self.domain)]
+            named += [
+                (f"domain[{index}].name", statistic.name)
+                for index, statistic in enumerate(self.domain)
+            ]
         return [(key, name) for key, name in named if name]
 
 

@@ -1,4 +1,4 @@
-"""What a network may measure and what it may see: manifolds, units, frames, numbers of channels."""
+"""Quantities that a network may measure and see: manifolds, units, frames, numbers of channels."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -88,7 +88,7 @@ MEASURES: dict[str, Measure] = {
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """What a flight records of a sensor: unit, frame, number of channels."""
+    """Samples of a sensor in a flight: unit, frame, number of channels."""
 
     unit: str
     frame: str

@@ -25,7 +25,7 @@ _LONGEST_LOG = 30.0  # of a 1-sigma: e^30 of any unit is nothing that a network 
 
 
 class Runtime(Protocol):
-    """What runs a graph: onnxruntime in a process of its own, or a live module."""
+    """Runtime of a graph: onnxruntime in a process of its own, or a live module."""
 
     def run(self, names: Sequence[str], feed: Mapping[str, NDArray[Any]]) -> Sequence[NDArray[Any]]:
         """Return the outputs of those names, a row for each window.
@@ -52,7 +52,7 @@ class Answers:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Network:
-    """What runs, with its contract; ``path`` is the manifest's, for errors."""
+    """Network with its contract; ``path`` is the manifest's, for errors."""
 
     path: Path
     manifest: Manifest
@@ -60,7 +60,7 @@ class Network:
     axes: tuple[tuple[int, ...], ...]  # of each input, that the graph has
 
     def __call__(self, inputs: Sequence[FloatArray]) -> Answers:
-        """Return what the network says of windows, (k, window, channels) for each input.
+        """Run the network on windows, (k, window, channels) for each input.
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Network:
         return [np.concatenate(columns) for columns in zip(*parts, strict=True)]
 
     def read(self, raw: Sequence[FloatArray]) -> Answers:
-        """Return what outputs, (k, c) each, mean: value, covariance, figures; none of no windows.
+        """Decode outputs, (k, c) each: value, covariance, figures; none of no windows.
 
         Raises
         ------
@@ -108,31 +108,31 @@ class Network:
         return [name for _, name in self.manifest.outputs()]
 
     def with_sigma(self, sigma: Sequence[float]) -> "Network":
-        """Return the same network with constant 1-sigmas, in SI, in place of its covariance."""
+        """Return a copy with constant 1-sigmas, in SI, in place of its covariance."""
         output = self.manifest.output
-        stated = Covariance(form="none", sigma=tuple(one / output.in_si for one in sigma))
+        stated = Covariance(form="none", sigma=tuple(value / output.in_si for value in sigma))
         output = msgspec.structs.replace(output, covariance=stated)
         return replace(self, manifest=msgspec.structs.replace(self.manifest, output=output))
 
     def feed(self, inputs: Sequence[FloatArray]) -> dict[str, NDArray[np.float32]]:
-        """Return what the graph is given of windows, by its inputs' names."""
+        """Return the graph's inputs made from windows, by their names."""
         return {
-            one.name: ((x - one.mean) / one.scale)
+            spec.name: ((x - spec.mean) / spec.scale)
             .astype(np.float32)
             .reshape([x.shape[axis] for axis in axes])
-            for one, x, axes in zip(self.manifest.inputs, inputs, self.axes, strict=True)
+            for spec, x, axes in zip(self.manifest.inputs, inputs, self.axes, strict=True)
         }
 
     def _run(self, inputs: list[FloatArray]) -> list[FloatArray]:
         feed, names = self.feed(inputs), self.names
         answers = self.runtime.run(names, feed)
-        for name, part in zip(names, answers, strict=True):
-            if part.shape[:1] != (len(inputs[0]),) or part.ndim > 3:
+        for name, answer in zip(names, answers, strict=True):
+            if answer.shape[:1] != (len(inputs[0]),) or answer.ndim > 3:
                 raise BadInputError(
                     f"{self.path}: output {name!r}: must have one row per window, "
-                    f"{len(inputs[0])}, got shape {part.shape}"
+                    f"{len(inputs[0])}, got shape {answer.shape}"
                 )
-        return [part.astype(np.float64).reshape(len(part), -1) for part in answers]
+        return [answer.astype(np.float64).reshape(len(answer), -1) for answer in answers]
 
 
 def load_network(path: Path, *, integers: bool = False) -> Network:
@@ -167,9 +167,9 @@ def load_network(path: Path, *, integers: bool = False) -> Network:
 
 
 def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tuple[int, ...], ...]:
-    """Return which axes of each input the graph has, once it has what the manifest names."""
+    """Check the graph against the manifest; return the axes of each input."""
     have = {port.name: port for port in session.inputs}
-    wanted = {one.name: one for one in manifest.inputs}
+    wanted = {spec.name: spec for spec in manifest.inputs}
     if have.keys() != wanted.keys():
         raise BadInputError(
             f"{path}: key inputs: {manifest.onnx} takes {', '.join(have)}, the manifest names "
@@ -183,8 +183,8 @@ def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tu
                 f"{', '.join(outputs)}"
             )
     return tuple(
-        _checked_axes(f"{path}: key inputs[{row}]", one, have[one.name])
-        for row, one in enumerate(manifest.inputs)
+        _checked_axes(f"{path}: key inputs[{index}]", spec, have[spec.name])
+        for index, spec in enumerate(manifest.inputs)
     )
 
 

@@ -1,4 +1,4 @@
-"""What outputs say of the states: residuals and Jacobians of each quantity that a network measures.
+"""Residuals and Jacobians of each quantity that a network measures.
 
 Residuals are estimate less output, in the output's tangent; Jacobians are by the tangents of
 ``fgnav.graph.keys``: rotation, then position, both in body axes; velocities in ``n``.
@@ -23,7 +23,7 @@ _SLOWEST_MPS = 1e-6  # below, a speed has no direction: its Jacobian is that of 
 
 
 class Counted(NamedTuple):
-    """How errors of one output are counted beside those of others (``correlation``)."""
+    """Weight of one output's errors beside those of others (``correlation``)."""
 
     inflation: float = 1.0  # of the covariance of what does not last
     lasting: float = 0.0  # share of the variance that lasts
@@ -106,8 +106,8 @@ def _heading(_: Output, rows: tuple[int, int], value: FloatArray) -> _Model:
 
     def residual(x: Any) -> list[float]:  # noqa: ANN401  # gtsam.Pose3
         (north, *_), (east, *_), *_ = x.matrix().tolist()  # a third of the rotation's time
-        turn = atan2(east, north) - measured
-        return [atan2(sin(turn), cos(turn))]
+        angle = atan2(east, north) - measured
+        return [atan2(sin(angle), cos(angle))]
 
     def jacobian(x: Any) -> tuple[list[list[float]]]:  # noqa: ANN401  # as above
         (a, b, c, _), (d, e, f, _), *_ = x.matrix().tolist()
@@ -138,8 +138,8 @@ def _direction(_: Output, rows: tuple[int, int], value: FloatArray) -> _Model:
         return np.asarray(across @ x.rotation().matrix()[2])
 
     def jacobian(x: Any) -> tuple[FloatArray]:  # noqa: ANN401  # as above
-        turned = across @ skew(x.rotation().matrix()[2][None])[0]
-        return (np.concatenate([turned, np.zeros((2, 3))], axis=1),)
+        by_rotation = across @ skew(x.rotation().matrix()[2][None])[0]
+        return (np.concatenate([by_rotation, np.zeros((2, 3))], axis=1),)
 
     def native(covariance: FloatArray) -> gtsam.NonlinearFactor:
         # A field of size one with none across the output, as of ``factors.gravity``.

@@ -1,4 +1,4 @@
-"""What a network's sensors have recorded: of a flight, of a stream so far, or given beside it."""
+"""Samples of a network's sensors: of a flight, of a stream so far, or given beside it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -51,28 +51,28 @@ class Record:
 
 
 def of_flight(flight: Flight) -> dict[str, Record]:
-    """Return what a flight has recorded of each sensor that a network may see.
+    """Return a flight's samples of each sensor that a network may see.
 
     Velocities are those of the fixes, or else of the reference antenna by Doppler.
     """
-    imu, fixes, found = flight.imu, flight.first_fixes, {}
+    imu, fixes, records = flight.imu, flight.first_fixes, {}
     if imu is not None:
-        found["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
+        records["accelerometer"] = _record("accelerometer", imu.t_s, imu.f_b_mps2)
         if imu.w_b_radps is not None:
-            found["gyroscope"] = _record("gyroscope", imu.t_s, imu.w_b_radps)
+            records["gyroscope"] = _record("gyroscope", imu.t_s, imu.w_b_radps)
     if flight.magnetometer is not None:
         field = flight.magnetometer
-        found["magnetometer"] = _record("magnetometer", field.t_s, field.field_b_ut)
+        records["magnetometer"] = _record("magnetometer", field.t_s, field.field_b_ut)
     if flight.barometer is not None:
         heights = flight.barometer
-        found["barometer"] = _record("barometer", heights.t_s, heights.height_m[:, None])
+        records["barometer"] = _record("barometer", heights.t_s, heights.height_m[:, None])
     if fixes is not None:
-        found["position"] = _record("position", fixes.t_s, fixes.p_n_m)
+        records["position"] = _record("position", fixes.t_s, fixes.p_n_m)
         if fixes.v_n_mps is not None:
-            found["velocity"] = _record("velocity", fixes.t_s, fixes.v_n_mps)
-    if "velocity" not in found and flight.observations is not None:
-        found |= _by_doppler(flight)
-    return found
+            records["velocity"] = _record("velocity", fixes.t_s, fixes.v_n_mps)
+    if "velocity" not in records and flight.observations is not None:
+        records |= _by_doppler(flight)
+    return records
 
 
 def _by_doppler(flight: Flight) -> dict[str, Record]:
@@ -88,20 +88,20 @@ def _by_doppler(flight: Flight) -> dict[str, Record]:
 
 
 def of_measurements(now: Any) -> dict[str, Record]:  # noqa: ANN401  # methods.stream.Measurements
-    """Return what came in with a stream's keyframe, of each sensor that a network may see."""
+    """Return the samples that came with a stream's keyframe, of each such sensor."""
     imu, t_s = now.imu, np.array([now.t_s])
-    found = {"accelerometer": _record("accelerometer", imu.t_s, imu.f_b_mps2)}
+    records = {"accelerometer": _record("accelerometer", imu.t_s, imu.f_b_mps2)}
     if imu.w_b_radps is not None:
-        found["gyroscope"] = _record("gyroscope", imu.t_s, imu.w_b_radps)
+        records["gyroscope"] = _record("gyroscope", imu.t_s, imu.w_b_radps)
     if now.field_b_ut is not None:
-        found["magnetometer"] = _record("magnetometer", t_s, np.asarray(now.field_b_ut)[None])
+        records["magnetometer"] = _record("magnetometer", t_s, np.asarray(now.field_b_ut)[None])
     if now.height_m is not None:
-        found["barometer"] = _record("barometer", t_s, np.array([[now.height_m]]))
+        records["barometer"] = _record("barometer", t_s, np.array([[now.height_m]]))
     for name in ("position", "velocity"):
         measured = getattr(now, name)
         if measured is not None:
-            found[name] = _record(name, t_s, np.asarray(measured.value)[None])
-    return found
+            records[name] = _record(name, t_s, np.asarray(measured.value)[None])
+    return records
 
 
 def concatenate_records(

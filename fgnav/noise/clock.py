@@ -72,7 +72,7 @@ class ClockedMotion(WrappedMotion):
     slope: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 2)))  # of residuals
 
     def about(self, states: States) -> "ClockedMotion":
-        """Return the same with the slope, (n - 1, D, 2), of whitened residuals at some states."""
+        """Return a copy with the slope, (n - 1, D, 2), of whitened residuals at given states."""
         intervals = np.arange(len(self.since_s))
         before, after = states.at(intervals), states.at(intervals + 1)
         early, late = (

@@ -112,7 +112,7 @@ class NoiseComponents:
         return cls(problem, names, motion, tuple(found), standstill)
 
     def about(self, states: States) -> "NoiseComponents":
-        """Return the same with the clock's derivatives at some states, if the clock is free."""
+        """Return a copy with the clock's derivatives at given states, if the clock is free."""
         motion = self.problem.motion
         if not isinstance(motion, ClockedMotion):
             return self

@@ -146,12 +146,12 @@ def causal_rate_priors(
     while count < n:
         following = _scheduled_after(count)
         rows = slice(max(0, count - MOST), min(following, n - 1))  # n - 1 leads nowhere
-        part = (t_s[rows], R_nb[rows], covariance_rad2[rows])
+        series = (t_s[rows], R_nb[rows], covariance_rad2[rows])
         past = count - rows.start
         recent = slice(max(0, past - latest), past)
-        prior = rate_prior(*(values[recent] for values in part), start=prior, swings=swings)
+        prior = rate_prior(*(values[recent] for values in series), start=prior, swings=swings)
         alternatives = _alternatives(prior)
-        attitudes = attitude_series(*part, np.arange(len(part[0])), past)
+        attitudes = attitude_series(*series, np.arange(len(series[0])), past)
         chosen = _best_of(alternatives, attitudes)[past - 1 :]
         of_intervals[count - 1 : rows.stop] = np.array([x[0] for x in alternatives])[chosen]
         variance[count - 1 : rows.stop] = np.array([x[1] for x in alternatives])[chosen]

@@ -126,13 +126,13 @@ def log_densities(
     )
     for k in range(1, n):
         span_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
-        one = matern.like(span_s, poles, spans_s, shapes)
-        if one < 0:
-            one = last = (last + 1) % r
-            spans_s[one] = span_s
-            put(poles, shapes[one])
-            matern.of_axes(span_s, poles, transitions[one], integrals[one], noises[one])
-        T_s, F, H, Q = spans_s[one], transitions[one], integrals[one], noises[one]
+        slot = matern.like(span_s, poles, spans_s, shapes)
+        if slot < 0:
+            slot = last = (last + 1) % r
+            spans_s[slot] = span_s
+            put(poles, shapes[slot])
+            matern.of_axes(span_s, poles, transitions[slot], integrals[slot], noises[slot])
+        T_s, F, H, Q = spans_s[slot], transitions[slot], integrals[slot], noises[slot]
         if len(tape.share):
             C, N, moved = tape.rows[k], tape.noise[k], tape.moved[k]
         rotation_rows(x, F, H, T_s, C, N)

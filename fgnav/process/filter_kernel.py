@@ -40,13 +40,13 @@ def rotation_rows(
     for i in range(3):
         j, m = (i + 1) % 3, (i + 2) % 3
         phi[i] += by * (x[0, j] * after[m] - x[0, m] * after[j])
-    J, turned = right_jacobian(phi), exp(phi)
+    J, R = right_jacobian(phi), exp(phi)
     for i in range(3):
         for j in range(3):
             m, p = (j + 1) % 3, (j + 2) % 3
             A = by * (J[i, p] * after[m] - J[i, m] * after[p])
             B = by * (J[i, m] * x[0, p] - J[i, p] * x[0, m])
-            C[i, j] = turned[j, i]
+            C[i, j] = R[j, i]
             C[i, 3 + j] = H[j, 0] * J[i, j] + A + F[j, 0, 0] * B
             C[i, 6 + j] = H[j, 1] * J[i, j] + F[j, 0, 1] * B
             C[i, 9 + j] = H[j, 2] * J[i, j] + F[j, 0, 2] * B

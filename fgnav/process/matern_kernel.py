@@ -61,11 +61,11 @@ def transition(T_s: float, poles_per_s: FloatArray) -> FloatArray:
 def integral(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     """Return H, (3,), s: the integral of F's first row over the interval."""
     _, c1, c2, _ = coefficients(poles_per_s)
-    h, h1, _, turned = _response(T_s, poles_per_s)
+    h, h1, _, integral_s = _response(T_s, poles_per_s)
     H = np.empty(3)
-    H[0] = h1 + c2 * h + c1 * turned
-    H[1] = (h + c2 * turned) / DERIVATIVE_SCALE_S
-    H[2] = turned / DERIVATIVE_SCALE_S**2
+    H[0] = h1 + c2 * h + c1 * integral_s
+    H[1] = (h + c2 * integral_s) / DERIVATIVE_SCALE_S
+    H[2] = integral_s / DERIVATIVE_SCALE_S**2
     return H
 
 
@@ -85,11 +85,11 @@ def noise_factor(T_s: float, poles_per_s: FloatArray) -> FloatArray:
     for panel in range(panels):
         for i in range(m):
             root = np.sqrt(q * half * _WEIGHTS[i])
-            h, h1, h2, turned = _response(half * (2 * panel + 1 + _NODES[i]), poles_per_s)
-            row = panel * m + i
-            A[row, 0], A[row, 1] = root * turned, root * h
-            A[row, 2] = root * h1 * DERIVATIVE_SCALE_S
-            A[row, 3] = root * h2 * DERIVATIVE_SCALE_S**2
+            h, h1, h2, integral_s = _response(half * (2 * panel + 1 + _NODES[i]), poles_per_s)
+            node = panel * m + i
+            A[node, 0], A[node, 1] = root * integral_s, root * h
+            A[node, 2] = root * h1 * DERIVATIVE_SCALE_S
+            A[node, 3] = root * h2 * DERIVATIVE_SCALE_S**2
     A[panels * m, 0] = np.sqrt(q * (T_s - end)) / c0
     L = np.zeros((4, 4))
     _orthogonalise(A, L)
@@ -189,12 +189,12 @@ def _series(t_s: float, c0: float, c1: float, c2: float) -> tuple[float, float, 
     """Compute the transition by the Taylor series of ``(D^3 + c2 D^2 + c1 D + c0) x = 0``."""
     before, last, now = 0.0, 0.0, 1.0  # derivatives n - 2, n - 1 and n at zero, from n = 2
     p2, p1, p, p_1 = 1.0, t_s, t_s**2 / 2, t_s**3 / 6  # t^m / m! of m = n - 2 to n + 1
-    h, h1, h2, turned = 0.0, 0.0, 0.0, 0.0
+    h, h1, h2, integral_s = 0.0, 0.0, 0.0, 0.0
     for n in range(2, 2 + _TERMS):
-        h, h1, h2, turned = h + now * p, h1 + now * p1, h2 + now * p2, turned + now * p_1
+        h, h1, h2, integral_s = h + now * p, h1 + now * p1, h2 + now * p2, integral_s + now * p_1
         before, last, now = last, now, -c2 * now - c1 * last - c0 * before
         p2, p1, p, p_1 = p1, p, p_1, p_1 * t_s / (n + 2)
-    return h, h1, h2, turned
+    return h, h1, h2, integral_s
 
 
 @kernel
@@ -203,14 +203,14 @@ def _orthogonalise(A: FloatArray, L: FloatArray) -> None:
     m, n = A.shape
     for j in range(n):
         total = 0.0
-        for row in range(m):
-            total += A[row, j] ** 2
+        for k in range(m):
+            total += A[k, j] ** 2
         length = np.sqrt(total)
         L[j, j] = length
         for i in range(j + 1, n):
             total = 0.0
-            for row in range(m):
-                total += A[row, j] * A[row, i]
+            for k in range(m):
+                total += A[k, j] * A[k, i]
             L[i, j] = total / length
-            for row in range(m):
-                A[row, i] -= total / (length * length) * A[row, j]
+            for k in range(m):
+                A[k, i] -= total / (length * length) * A[k, j]

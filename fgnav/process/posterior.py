@@ -48,9 +48,9 @@ LENGTH, RATIO, DAMPING, SIGMA = (slice(3 * i, 3 * i + 3) for i in range(4))
 def bounds(shortest_s: float = SHORTEST_S, *, swings: bool = True) -> tuple[FloatArray, FloatArray]:
     """Return the least and the most of hyperparameters, (12,) each; without swings Matern 5/2."""
     ratio, damping = (_MOST_LOG_RATIO, _MOST_LOG_DAMPING) if swings else (0.0, 0.0)
-    least = [np.log(shortest_s), -ratio, 0.0, np.log(LEAST_RADPS)]
+    lower = [np.log(shortest_s), -ratio, 0.0, np.log(LEAST_RADPS)]
     most = [np.log(LONGEST_S), ratio, damping, np.log(MOST_RADPS)]
-    return np.repeat(least, 3), np.repeat(most, 3)
+    return np.repeat(lower, 3), np.repeat(most, 3)
 
 
 def hyperparameters(prior: RatePrior) -> FloatArray:
@@ -80,14 +80,14 @@ def log_prior(x: FloatArray, memory_s: float) -> tuple[float, FloatArray]:
     slope = np.empty(12)
     common = x[LENGTH].mean()
     normal = (common - np.log(DEFAULT_LENGTH_S)) / _LOG_LENGTH_SIGMA
-    apart = (x[LENGTH] - common) / _AXIS_LENGTH_SIGMA
+    deviation = (x[LENGTH] - common) / _AXIS_LENGTH_SIGMA
     ratio = (x[RATIO] - _LOG_RATIO) / _LOG_RATIO_SIGMA
     sigmas = np.exp(x[SIGMA]) / DEFAULT_SIGMA_RADPS
     remembered_s = np.exp(x[LENGTH] - x[RATIO] / 3 + x[DAMPING])
     memory = (remembered_s / memory_s) ** 2
-    value = -(normal**2 + (apart**2).sum() + (ratio**2).sum() + memory.sum()) / 2
+    value = -(normal**2 + (deviation**2).sum() + (ratio**2).sum() + memory.sum()) / 2
     value += (x[SIGMA] - sigmas).sum() - x[DAMPING].sum()
-    slope[LENGTH] = -normal / _LOG_LENGTH_SIGMA / 3 - apart / _AXIS_LENGTH_SIGMA
+    slope[LENGTH] = -normal / _LOG_LENGTH_SIGMA / 3 - deviation / _AXIS_LENGTH_SIGMA
     slope[RATIO], slope[DAMPING] = -ratio / _LOG_RATIO_SIGMA, -1.0
     slope[LENGTH] -= memory
     slope[RATIO] += memory / 3

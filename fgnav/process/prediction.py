@@ -95,16 +95,16 @@ def smoothed(before: Turning, after: Turning) -> Turning:
 
     An attitude at the time itself counts twice: a start for a search, and no estimate.
     """
-    out = Turning(*(np.array(part) for part in before))
+    out = Turning(*(np.array(values) for values in before))
     has_after = np.isfinite(after.covariance).all(axis=(1, 2))
     first = has_after & ~np.isfinite(before.covariance).all(axis=(1, 2))
-    for part, other in zip(out, after, strict=True):
-        part[first] = other[first]
+    for values, other in zip(out, after, strict=True):
+        values[first] = other[first]
     both = np.flatnonzero(has_after & ~first)
     P = before.covariance[both]
     gain = np.linalg.solve(P + after.covariance[both], P).swapaxes(1, 2)
-    turn = log(transpose(before.R_nb[both]) @ after.R_nb[both])
-    change = np.hstack([turn, after.rate_b_radps[both] - before.rate_b_radps[both]])
+    rotation = log(transpose(before.R_nb[both]) @ after.R_nb[both])
+    change = np.hstack([rotation, after.rate_b_radps[both] - before.rate_b_radps[both]])
     step = np.einsum("nij,nj->ni", gain, change)
     out.R_nb[both] = before.R_nb[both] @ exp(step[:, :3])
     out.rate_b_radps[both] += step[:, 3:]

@@ -76,16 +76,16 @@ def score(
             _keep(tape.share[k], tape.gain[k], rho, N)
             _add_innovation(tape.share[k], tape.weight[k], tape.innovation[k], rho, N)
         span_s, poles = t_s[k] - t_s[k - 1], poles_per_s[k - 1]
-        one = matern.like(span_s, poles, spans_s, shapes)
-        if one < 0:
-            one = last = (last + 1) % r
-            spans_s[one] = span_s
-            put(poles, shapes[one])
-            F, Q = transitions[one], noises[one]
+        slot = matern.like(span_s, poles, spans_s, shapes)
+        if slot < 0:
+            slot = last = (last + 1) % r
+            spans_s[slot] = span_s
+            put(poles, shapes[slot])
+            F, Q = transitions[slot], noises[slot]
             matern.of_axes(span_s, poles, F, H, Q)
             if by_shape:
-                _differences(span_s, poles, F, H, Q, by_motions[one], by_noises[one])
-        F, Q, dM, dQ = transitions[one], noises[one], by_motions[one], by_noises[one]
+                _differences(span_s, poles, F, H, Q, by_motions[slot], by_noises[slot])
+        F, Q, dM, dQ = transitions[slot], noises[slot], by_motions[slot], by_noises[slot]
         for axis in range(3):
             _pull(tape.noise[k], axis, rho, N, by, pulled)
             _set_among(tape.noise[k], axis, pulled, among)
@@ -149,12 +149,12 @@ def _transposed_times(C: FloatArray, F: FloatArray, M: FloatArray, out: FloatArr
             value = m0 * M[0, q] + m1 * M[1, q] + m2 * M[2, q] + f0 * M[3 + i, q]
             out[MEAN + i, q] = value - f1 * M[6 + i, q] - f2 * M[9 + i, q] + M[MEAN + i, q]
         for e in range(3):
-            row = 3 + 3 * e + i
-            c0, c1, c2 = C[0, row], C[1, row], C[2, row]
+            r = 3 + 3 * e + i
+            c0, c1, c2 = C[0, r], C[1, r], C[2, r]
             f0, f1, f2 = F[i, 0, e], F[i, 1, e], F[i, 2, e]
             for q in range(n):
                 value = c0 * M[0, q] + c1 * M[1, q] + c2 * M[2, q]
-                out[row, q] = value + f0 * M[3 + i, q] + f1 * M[6 + i, q] + f2 * M[9 + i, q]
+                out[r, q] = value + f0 * M[3 + i, q] + f1 * M[6 + i, q] + f2 * M[9 + i, q]
 
 
 @kernel

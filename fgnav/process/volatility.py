@@ -106,7 +106,7 @@ def varying_rate_prior(
     )
     # From long memories and from short ones: each may lead to a lesser maximum.
     starts = (search.climbed(search.point(start, _bounded(above))) for start in _starts(x, swings))
-    begun = search.with_shapes(max(starts, key=lambda one: one.value))
+    begun = search.with_shapes(max(starts, key=lambda point: point.value))
     best = search.with_walk(search.maximum_from(begun))
     gained = search.evidence(best) - still
     if gained < VERY_STRONG_EVIDENCE:
@@ -227,9 +227,9 @@ class _Search:
 
     def with_shapes(self, here: _Point) -> _Point:
         """Return the likeliest shapes and levels of scales that vary as they do."""
-        apart = (here.scales - here.x[SIGMA])[self.block[self.rows[:-1]]]
+        deviation = (here.scales - here.x[SIGMA])[self.block[self.rows[:-1]]]
         x = climbed(
-            lambda x: log_posterior(self.some, x, self.some_tape, self.memory_s, apart),
+            lambda x: log_posterior(self.some, x, self.some_tape, self.memory_s, deviation),
             here.x,
             *self.limits,
         )

@@ -1,1 +1,1 @@
-"""What passes between rooms: flights, double differences, integers, estimates."""
+"""Types that pass between rooms: flights, double differences, integers, estimates."""

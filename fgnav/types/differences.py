@@ -90,7 +90,7 @@ class DoubleDifferences:
         freeze("double differences", self, numbers, dtype=np.int64)
 
     def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "DoubleDifferences":
-        """Return some of the epochs."""
+        """Return the differences of selected epochs."""
         rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
         return replace(self, **rows)
 
@@ -100,12 +100,12 @@ class DoubleDifferences:
         return replace(self, **{**rows, "t_s": np.arange(float(len(epochs)))})
 
     def without_code(self, links: BoolArray) -> "DoubleDifferences":
-        """Return the same without the code of some links, (n, b, m), which nobody then resolves."""
+        """Return a copy without the code of some links, (n, b, m), which nobody then resolves."""
         return replace(self, code_m=np.where(links, np.nan, self.code_m))
 
     @property
     def is_reference(self) -> BoolArray:
-        """Whether a channel is the reference of its group, (n, m)."""
+        """Mask of the channels that are the reference of their group, (n, m)."""
         return np.asarray(self.reference[:, self.group] == np.arange(len(self.satellites)))
 
     @property

@@ -1,4 +1,4 @@
-"""What an estimator says: attitude, position, velocity, with covariance or honestly absent."""
+"""Estimates: attitude, position, velocity, with covariance or honestly absent."""
 
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -104,7 +104,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraphSummary:
-    """What the factor graph of an estimate was made of, and who solved it.
+    """Factors, keyframes and solver of an estimate's factor graph.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class GraphSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Consistency:
-    """How well one kind of measurement agrees with the estimate made from all others.
+    """Agreement of one kind of measurement with the estimate made from all others.
 
     Attributes
     ----------
@@ -301,7 +301,7 @@ class Estimate:
 
     @property
     def consistent(self) -> bool:
-        """Whether no sensor contradicts the others beyond a false-alarm rate of 1 % a flight."""
+        """True if no sensor contradicts the others beyond a false-alarm rate of 1 % a flight."""
         return not self.verdicts
 
     @property
@@ -388,7 +388,7 @@ class Estimate:
         return summary(self)
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the summary as HTML, for a notebook."""
         return summary_html(self)
 
 
@@ -437,7 +437,7 @@ class Errors:
         return None if self.sigma_rad is None else np.degrees(self.sigma_rad)
 
     def __repr__(self) -> str:
-        """Return how many epochs were judged, and the RMS errors of the angles."""
+        """Return the number of judged epochs and the RMS errors of the angles."""
         shown = ", ".join(f"{rms:.3f}" for rms in np.sqrt((self.euler_deg**2).mean(axis=0)))
         return f"<Errors: {len(self.t_s)} epochs, RMS of roll, pitch, yaw {shown} deg>"
 

@@ -32,7 +32,7 @@ def estimate_table(estimate: Any) -> dict[str, FloatArray]:  # noqa: ANN401  # t
     angles = zip(("roll", "pitch", "yaw"), estimate.euler_deg.T, strict=True)
     table |= {f"{name}_deg": angle for name, angle in angles}
     parts = zip("wxyz", quaternion_wxyz(estimate.R_nb).T, strict=True)
-    table |= {f"q{axis}": part for axis, part in parts}
+    table |= {f"q{axis}": component for axis, component in parts}
     for field, (name, axes) in _VECTORS.items():
         vectors = getattr(estimate, field)
         if vectors is not None:

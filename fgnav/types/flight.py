@@ -58,7 +58,7 @@ class Base:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InitialAttitude:
-    """What is known of the attitude at the first epoch before any measurement.
+    """Prior of the attitude at the first epoch.
 
     Each angle with its standard deviation, rad, or neither.
     """
@@ -157,7 +157,7 @@ TRUTH_SIGMAS = ("position_sigma_m", "velocity_sigma_mps", "euler_sigma_rad")
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True, repr=False)
 class Truth(Samples):
-    """What really happened, of a simulated flight; or a reference taken as such.
+    """True states of a simulated flight; or a reference taken as such.
 
     Attributes
     ----------
@@ -193,7 +193,7 @@ class Truth(Samples):
 
     @property
     def is_reference(self) -> bool:
-        """Whether it is an estimate itself, so that errors against it are not all the judged's."""
+        """True if it is an estimate itself, so that errors against it are not all the judged's."""
         return self.source == "filter"
 
 
@@ -288,13 +288,15 @@ class Flight:
 
     def _check_receivers(self, names: list[str]) -> None:
         """Raise unless receivers speak of antennas that the flight has, each of its own."""
-        used = [("fixes antenna", one.antenna) for one in self.fixes]
-        used += [("baseline antennas", name) for one in self.baselines for name in one.antennas]
+        used = [("fixes antenna", fix.antenna) for fix in self.fixes]
+        used += [
+            ("baseline antennas", name) for baseline in self.baselines for name in baseline.antennas
+        ]
         for key, name in used:
             if name not in names:
                 raise BadInputError(f"{key}: {name!r} is not one of {names}")
-        records = [f"fixes of antenna {one.antenna}" for one in self.fixes]
-        records += [f"baseline {' to '.join(one.antennas)}" for one in self.baselines]
+        records = [f"fixes of antenna {fix.antenna}" for fix in self.fixes]
+        records += [f"baseline {' to '.join(baseline.antennas)}" for baseline in self.baselines]
         for record in records:
             if records.count(record) > 1:
                 raise BadInputError(
@@ -306,7 +308,7 @@ class Flight:
         return summary(self)
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the summary as HTML, for a notebook."""
         return summary_html(self)
 
     @classmethod
@@ -409,16 +411,18 @@ class Flight:
 
     @property
     def records(self) -> dict[str, Samples]:
-        """What was sampled, by name: ``"imu"``, ``"fixes a1"``, ``"baseline a1 a2"``."""
+        """Sampled records by name: ``"imu"``, ``"fixes a1"``, ``"baseline a1 a2"``."""
         records: dict[str, Samples | None] = {"imu": self.imu}
-        records |= {f"fixes {one.antenna}": one for one in self.fixes}
-        records |= {f"baseline {' '.join(one.antennas)}": one for one in self.baselines}
+        records |= {f"fixes {fix.antenna}": fix for fix in self.fixes}
+        records |= {
+            f"baseline {' '.join(baseline.antennas)}": baseline for baseline in self.baselines
+        }
         records |= {name: getattr(self, name) for name in _SINGLE[1:]}
-        return {name: one for name, one in records.items() if one is not None}
+        return {name: record for name, record in records.items() if record is not None}
 
     def with_records(self, records: Mapping[str, Samples]) -> "Flight":
-        """Return the same with records of these names, and no others."""
+        """Return a copy with records of these names, and no others."""
         single = {name: records.get(name) for name in _SINGLE}
-        fixes = tuple(one for one in records.values() if isinstance(one, Fixes))
-        baselines = tuple(one for one in records.values() if isinstance(one, Baseline))
+        fixes = tuple(record for record in records.values() if isinstance(record, Fixes))
+        baselines = tuple(record for record in records.values() if isinstance(record, Baseline))
         return replace(self, fixes=fixes, baselines=baselines, **single)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What is in a vehicle and what it recorded: antennas, inertial unit, detector."""
+"""Instruments of a vehicle and their samples: antennas, inertial unit, detector."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -45,13 +45,13 @@ class Samples:
     t_s: FloatArray
 
     def __repr__(self) -> str:
-        """Return how many samples there are, and when."""
+        """Return the number of samples and their span."""
         count, t_s = f"{len(self.t_s)} samples", self.t_s
         span = f", {t_s[0]:.3f} to {t_s[-1]:.3f} s" if len(t_s) else ""
         return f"<{type(self).__name__}: {count}{span}>"
 
     def __getitem__(self, rows: slice | BoolArray) -> Self:
-        """Return some of the samples."""
+        """Return selected samples."""
         values = {name: getattr(self, name) for name in self.columns}
         kept = {name: value[rows] for name, value in values.items() if value is not None}
         return replace(self, **kept)  # type: ignore[type-var]  # all records are dataclasses
@@ -59,7 +59,7 @@ class Samples:
 
 def joined(parts: Sequence[Samples]) -> Samples:
     """Return records of one sensor, one after the other."""
-    values = {name: [getattr(one, name) for one in parts] for name in parts[0].columns}
+    values = {name: [getattr(part, name) for part in parts] for name in parts[0].columns}
     rows = {name: np.concatenate(of) for name, of in values.items() if of[0] is not None}
     return replace(parts[0], **rows)  # type: ignore[type-var]  # all records are dataclasses
 

@@ -67,7 +67,7 @@ class Integers:
 
     @property
     def outcome(self) -> tuple[str, ...]:
-        """What became of each epoch, length n: fixed, refused (validation), or float (no answer).
+        """Outcome of each epoch, length n: fixed, refused (validation), or float (no answer).
 
         Only a resolver that states probabilities tells refused from float.
         """
@@ -84,11 +84,11 @@ def joined(
     """Return the integers of all epochs of parts, one after another or in an order of these."""
 
     def column(name: str) -> Any:  # noqa: ANN401  # as the field
-        values = [getattr(part, name) for part in parts]
+        values = [getattr(block, name) for block in parts]
         return None if any(v is None for v in values) else np.concatenate(values)[order]
 
     lost = Counter[tuple[str, str]]()
-    for loss in (loss for part in parts for loss in part.unused):
+    for loss in (loss for block in parts for loss in block.unused):
         lost[loss.what, loss.reason] += loss.count
     reasons = column("reasons")
     return Integers(

@@ -1,4 +1,4 @@
-"""What the antennas measured: code, phase, Doppler, by epoch, antenna and channel."""
+"""Observations of the antennas: code, phase, Doppler, by epoch, antenna and channel."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -22,7 +22,7 @@ _BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz",
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class EarlierEpochs:
-    """What epochs that are no longer kept have decided for those to come.
+    """Decisions of epochs that are no longer kept, for those to come.
 
     Attributes
     ----------
@@ -93,11 +93,11 @@ class Observations:
         freeze("observations", self, {"lock_flags": shape}, dtype=np.uint8)
 
     def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "Observations":
-        """Return some of the epochs."""
+        """Return the observations of selected epochs."""
         rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
         return replace(self, **rows)
 
     @property
     def tracked(self) -> BoolArray:
-        """Whether both code and phase were measured, (n, a, m)."""
+        """Mask of links with both code and phase, (n, a, m)."""
         return np.isfinite(self.code_m) & np.isfinite(self.phase_cycles)

@@ -1,4 +1,4 @@
-"""Where the satellites say they are: broadcast ephemerides and precise orbit tables.
+"""Orbits and clocks of satellites: broadcast ephemerides and precise tables.
 
 Times are GPS time in seconds since the flight's start, whatever the constellation's own time scale.
 """

@@ -1,4 +1,4 @@
-"""What receivers solve themselves: fixes of antennas, and baselines from antenna to antenna."""
+"""Solutions of receivers: fixes of antennas, and baselines from antenna to antenna."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, TypeAlias
@@ -106,6 +106,6 @@ class Baseline(Samples):
     def heading_sigma_rad(self) -> FloatArray:
         """1-sigma of it, (k,)."""
         north, east, _ = self.vector_n_m.T
-        row = np.stack([-east, north], axis=1) / (north**2 + east**2)[:, None]
+        gradient = np.stack([-east, north], axis=1) / (north**2 + east**2)[:, None]
         P = self.covariance_m2[:, :2, :2]
-        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", row, P, row)))
+        return np.asarray(np.sqrt(np.einsum("ki,kij,kj->k", gradient, P, gradient)))

@@ -1,4 +1,4 @@
-"""What a flight, an estimate or a comparison shows of itself: five lines, in a notebook a table."""
+"""Summaries of a flight, an estimate or a comparison: five lines, in a notebook a table."""
 
 from collections.abc import Callable
 from html import escape
@@ -18,7 +18,7 @@ def summary(part: Any) -> str:  # noqa: ANN401  # one of the three
 
 
 def summary_html(part: Any) -> str:  # noqa: ANN401  # one of the three
-    """Return the same as a table."""
+    """Return the summary as an HTML table."""
     head, lines = _FACTS[type(part).__name__](part)
     rows = (
         f"<tr><th style='text-align:left'>{escape(name)}</th>"
@@ -35,9 +35,9 @@ def _of_flight(flight: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  # a 
     if observed is not None:
         epochs, antennas, channels = observed.code_m.shape
         gnss = f"{epochs} epochs, {antennas} antennas, {channels} channels"
-    place = f"{_deg(origin.latitude_rad)}, {_deg(origin.longitude_rad)}, {origin.height_m:.1f} m"
+    location = f"{_deg(origin.latitude_rad)}, {_deg(origin.longitude_rad)}, {origin.height_m:.1f} m"
     return f"Flight {flight.name!r}", {
-        "origin": place,
+        "origin": location,
         "gnss": gnss,
         "sensors": _list(sensors),
         **({"networks": _list([path.stem for path in flight.networks])} if flight.networks else {}),
@@ -61,7 +61,7 @@ def _of_estimate(estimate: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN401  
     sigma = "not stated"
     if sigma_deg is not None and len(t_s):
         middle = np.median(sigma_deg, axis=0).tolist()
-        sigma = ", ".join(f"{one:.3f}" for one in middle) + " deg (median, roll, pitch, yaw)"
+        sigma = ", ".join(f"{sigma:.3f}" for sigma in middle) + " deg (median, roll, pitch, yaw)"
     ended = "at a minimum" if estimate.converged else "at no minimum: not to be used"
     open_ = f"; open: {_list(list(estimate.unobservable))}" if estimate.unobservable else ""
     return f"Estimate by {estimate.method!r}", {
@@ -82,7 +82,7 @@ def _of_comparison(comparison: Any) -> tuple[str, dict[str, str]]:  # noqa: ANN4
     }
     best = "no truth"
     if solved:
-        name = min(solved, key=lambda one: solved[one])
+        name = min(solved, key=lambda estimate: solved[estimate])
         best = f"{name}, {solved[name]:.3f} deg RMS of attitude"
     failed = [method.name for method in comparison.methods if method.score.failure is not None]
     return f"Comparison on {comparison.flight!r}", {

@@ -1,4 +1,4 @@
-"""What instruments say of a vehicle's surroundings: barometric height and the magnetic field."""
+"""Measurements of a vehicle's surroundings: barometric height and the magnetic field."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar

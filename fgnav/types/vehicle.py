@@ -1,4 +1,4 @@
-"""What a vehicle's build lets it do: roll on wheels, or fly nose first."""
+"""Constraints by a vehicle's build: it rolls on wheels, or flies nose first."""
 
 from dataclasses import dataclass, field
 

@@ -100,7 +100,7 @@ def train(
 
 
 def _trainer(recipe: Path, kind: object, device: str) -> "Callable[..., list[str]]":
-    """Return what runs recipes of a kind, once torch and the device are known to be there."""
+    """Return the trainer of a kind of recipe, once torch and the device are known to be there."""
     from importlib import import_module  # noqa: PLC0415
     from importlib.util import find_spec  # noqa: PLC0415
 
@@ -154,5 +154,5 @@ def _watched(log: Path) -> "Iterator[Callable[[str, Progress], None]]":
 
 def _clock(seconds: float) -> str:
     """Return a duration as h:mm:ss."""
-    whole = round(seconds)
-    return f"{whole // 3600}:{whole // 60 % 60:02d}:{whole % 60:02d}"
+    total = round(seconds)
+    return f"{total // 3600}:{total // 60 % 60:02d}:{total % 60:02d}"

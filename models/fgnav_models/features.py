@@ -1,4 +1,4 @@
-"""What the ambiguity networks see, from an array's double differences (numpy only).
+"""Inputs of the ambiguity networks, from an array's double differences (numpy only).
 
 Satellites stand by falling elevation. Differences are against the first antenna and the first
 satellite, baseline by baseline: ``(b1, j1), (b1, j2), …, (b2, j1), …``, 35 for the paper's eight
@@ -40,8 +40,8 @@ def wrapped(phase_cycles: FloatArray) -> tuple[FloatArray, IntArray]:
     minus that answer. A gap, NaN, stays one and has no cycles.
     """
     cycles = np.round(phase_cycles)
-    whole = np.where(np.isfinite(cycles), cycles, 0.0).astype(np.int64)
-    return np.asarray(phase_cycles - cycles), whole
+    integers = np.where(np.isfinite(cycles), cycles, 0.0).astype(np.int64)
+    return np.asarray(phase_cycles - cycles), integers
 
 
 def ambiguity_inputs(

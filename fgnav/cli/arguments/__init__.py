@@ -1,1 +1,1 @@
-"""What commands share: their options, and the methods that these ask for."""
+"""Options that commands share, and the methods that these ask for."""

@@ -73,7 +73,7 @@ def factors_named(text: str) -> tuple[str, ...] | None:
 def ablated(
     methods: str, integers: str, smoother: SmootherOptions, kinds: str
 ) -> "list[Estimator]":
-    """Return the same methods once more for each word of a list, without what it names.
+    """Return the methods once more for each word of a list, without the sensors that it names.
 
     Without gravity are those alone that take it: the others never had it.
     """
@@ -92,7 +92,7 @@ def ablated(
 
 
 def _words(text: str) -> tuple[str, ...]:
-    """Return what stands between commas."""
+    """Split a list at its commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 

@@ -47,7 +47,7 @@ ReportFile = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmootherOptions:
-    """What the command line says of smoothers, as text: each field is an option of its name."""
+    """Options of smoothers as text: each field is an option of its name."""
 
     gravity: Annotated[
         str | None,

@@ -41,17 +41,17 @@ def slipped(
     if not few.any():
         return out
     step_s = np.diff(observations.t_s)[few, None]
-    both, row = both[few], np.flatnonzero(few)
-    went_m = step_s * (rate_mps[row] + rate_mps[row + 1]) / 2
-    off_m = np.where(both, phase_m[row + 1] - phase_m[row] - went_m, np.nan)
+    both, epoch = both[few], np.flatnonzero(few)
+    went_m = step_s * (rate_mps[epoch] + rate_mps[epoch + 1]) / 2
+    off_m = np.where(both, phase_m[epoch + 1] - phase_m[epoch] - went_m, np.nan)
     off_m -= np.nanmedian(off_m, axis=1, keepdims=True)
     slope = np.diff(rate_mps, axis=0)
     bend = np.abs(np.diff(slope, axis=0, prepend=slope[:1]))
-    bend_m = step_s * _BEND * np.where(np.isfinite(bend), bend, 0.0)[row]
+    bend_m = step_s * _BEND * np.where(np.isfinite(bend), bend, 0.0)[epoch]
     shape = phase_m.shape
-    phase_sigma_m = np.broadcast_to(phase_sigma_m, shape)[row + 1]
-    doppler_sigma_mps = np.broadcast_to(doppler_sigma_mps, shape)[row + 1]
+    phase_sigma_m = np.broadcast_to(phase_sigma_m, shape)[epoch + 1]
+    doppler_sigma_mps = np.broadcast_to(doppler_sigma_mps, shape)[epoch + 1]
     noise_m = np.sqrt(2 * phase_sigma_m**2 + (doppler_sigma_mps * step_s) ** 2 / 2)
     least_m = np.maximum(_SIGMAS * noise_m + bend_m, _QUARTER * wavelength_m)
-    out[row + 1] = both & (np.abs(np.where(both, off_m, 0.0)) > least_m)
+    out[epoch + 1] = both & (np.abs(np.where(both, off_m, 0.0)) > least_m)
     return out

@@ -84,11 +84,11 @@ def _snoop(steps: _Steps, count: int, verdict: IntArray) -> None:
 
 
 @kernel
-def _residual(steps: _Steps, x: FloatArray, row: int) -> float:
-    """Return what the fit leaves of a step."""
-    left: float = steps.y_m[row]
+def _residual(steps: _Steps, x: FloatArray, k: int) -> float:
+    """Return the residual of a step after the fit."""
+    left: float = steps.y_m[k]
     for p in range(_UNKNOWNS):
-        left -= steps.A[row, p] * x[p]
+        left -= steps.A[k, p] * x[p]
     return left
 
 
@@ -106,8 +106,8 @@ def _of_fit(steps: _Steps, cofactor: FloatArray, i: int, j: int) -> float:
 def _swap(steps: _Steps, i: int, j: int) -> None:
     for p in range(_UNKNOWNS):
         steps.A[i, p], steps.A[j, p] = steps.A[j, p], steps.A[i, p]
-    for row in (steps.y_m, steps.sigma_m, steps.turn_m, steps.wavelength_m):
-        row[i], row[j] = row[j], row[i]
+    for values in (steps.y_m, steps.sigma_m, steps.turn_m, steps.wavelength_m):
+        values[i], values[j] = values[j], values[i]
     steps.channel[i], steps.channel[j] = steps.channel[j], steps.channel[i]
 
 
@@ -115,12 +115,12 @@ def _swap(steps: _Steps, i: int, j: int) -> None:
 def _fit(steps: _Steps, count: int, cofactor: FloatArray, x: FloatArray) -> bool:
     """Weighted least squares of the first ``count`` rows; False if the geometry is singular."""
     pull = _normal(steps, count, cofactor)
-    least = 0.0
+    cost = 0.0
     for p in range(_UNKNOWNS):
-        least += 1e-9 * cofactor[p, p]
+        cost += 1e-9 * cofactor[p, p]
     for p in range(_UNKNOWNS):  # Gauss-Jordan: a positive definite matrix needs no pivoting
         scale = cofactor[p, p]
-        if not scale > least:
+        if not scale > cost:
             return False
         cofactor[p, p] = 1.0
         for q in range(_UNKNOWNS):

@@ -1,1 +1,1 @@
-"""Where satellites are and how their clocks stand, by messages or by tables."""
+"""Positions and clocks of satellites, by broadcast messages or by precise tables."""

@@ -56,9 +56,9 @@ def choose(orbits: BroadcastOrbits, satellite: str, t_s: FloatArray) -> Chosen:
     if not len(records):
         nobody = np.zeros(len(t_s), dtype=bool)
         return Chosen(records, nobody.astype(np.int64), nobody, nobody)
-    row = np.searchsorted(until_s, t_s)
-    fresh = (np.abs(t_s - toe_s[row]) <= _MAX_AGE_S[satellite[0]]) & sound[row]
-    return Chosen(records, row, fresh & ~ill[row], fresh & ill[row])
+    k = np.searchsorted(until_s, t_s)
+    fresh = (np.abs(t_s - toe_s[k]) <= _MAX_AGE_S[satellite[0]]) & sound[k]
+    return Chosen(records, k, fresh & ~ill[k], fresh & ill[k])
 
 
 def _messages(orbits: BroadcastOrbits, satellite: str) -> _Messages:

@@ -44,15 +44,15 @@ def orbit_at(
     piece = np.floor(t_s[usable] / _PIECE_S).astype(np.int64)
     label = piece * len(chosen.records) + chosen.row[usable]  # each piece has one message
     while len(usable):
-        one = label == label[0]
-        rows = usable[one]
+        is_same = label == label[0]
+        rows = usable[is_same]
         middle_s = (piece[0] + 0.5) * _PIECE_S
         c = _polynomials(chosen.records[chosen.row[rows[0]]].tobytes(), middle_s)
         u = (t_s[rows] - middle_s) / _HALF_S
         if by_clock:
             u = u - chebval(u, c[:, 3]) / _HALF_S
         out[rows, wanted] = chebval(u, c[:, wanted]).T
-        usable, label, piece = usable[~one], label[~one], piece[~one]
+        usable, label, piece = usable[~is_same], label[~is_same], piece[~is_same]
     return out[:, :4], out[:, 4:]
 
 

@@ -35,7 +35,7 @@ class InertialTable:
         return cls(t, orbits.satellites, p_i_m, orbits.clock_s, 1 / gaps.prod(axis=2))
 
     def covers(self, t_s: FloatArray) -> BoolArray:
-        """Whether the table speaks of these times, (n,)."""
+        """Return True at times that the table covers, (n,)."""
         after, before = t_s >= self.t_s[0] - _BEYOND_TABLE_S, t_s <= self.t_s[-1] + _BEYOND_TABLE_S
         return np.asarray(after & before)
 

@@ -1,4 +1,4 @@
-"""Where the satellites are, how their clocks stand and in what direction they are seen."""
+"""Positions, clocks and directions of the satellites."""
 
 from dataclasses import dataclass
 
@@ -116,11 +116,11 @@ def group_delay_s(
         return delay_s
     for column, (satellite, signal) in enumerate(zip(satellites, signals, strict=True)):
         if known(satellite, signal):
-            records, row, usable, _ = choose(orbits, satellite, t_s[:, column])
+            records, k, usable, _ = choose(orbits, satellite, t_s[:, column])
             if usable.any():
                 carrier_hz = frequency_hz(satellite, signal)
                 by_message = signal_delay_s(satellite, carrier_hz, records, precise_clocks)
-                delay_s[usable, column] = by_message[row[usable]]
+                delay_s[usable, column] = by_message[k[usable]]
     return delay_s
 
 
@@ -135,8 +135,8 @@ def accuracy_m(
         return np.full(t_s.shape, _TABLE_ACCURACY_M)
     out = np.zeros(t_s.shape)
     for column, satellite in enumerate(satellites):
-        records, row, usable, _ = choose(orbits, satellite, t_s[:, column])
-        out[usable, column] = records["accuracy_m"][row[usable]].clip(0.0)
+        records, k, usable, _ = choose(orbits, satellite, t_s[:, column])
+        out[usable, column] = records["accuracy_m"][k[usable]].clip(0.0)
     return out
 
 
@@ -158,8 +158,8 @@ def signal_paths(
     distance = np.linalg.norm(separation, axis=2)
     turn = EARTH_RATE_RADPS / C_MPS
     # Axes at reception have turned on with the Earth since transmission.
-    seen = turned(states.p_e_m, -turn * distance) - p_receiver_e_m[:, None]
-    range_m = np.linalg.norm(seen, axis=2)
+    line_of_sight_e_m = turned(states.p_e_m, -turn * distance) - p_receiver_e_m[:, None]
+    range_m = np.linalg.norm(line_of_sight_e_m, axis=2)
     x, y = np.moveaxis(states.p_e_m[:, :, :2], 2, 0)
     xr, yr = p_receiver_e_m.T[:2, :, None]
     vx, vy = np.moveaxis(states.v_e_mps[:, :, :2], 2, 0)
@@ -170,7 +170,9 @@ def signal_paths(
     # Transmission lags more and more behind while the range grows: 2 mm/s at 800 m/s.
     rate_mps = (satellite_mps - receiver_mps) / (1 + satellite_mps / C_MPS)
     return SignalPaths(
-        range_m=range_m, range_rate_mps=rate_mps, e_e=np.asarray(seen / range_m[:, :, None])
+        range_m=range_m,
+        range_rate_mps=rate_mps,
+        e_e=np.asarray(line_of_sight_e_m / range_m[:, :, None]),
     )
 
 
@@ -193,8 +195,8 @@ def look_angles(
 
 def angles(p_receiver_e_m: FloatArray, e_e: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return elevations and azimuths, (n, m), of directions (n, m, 3) seen at receivers (n, 3)."""
-    place = geodetic(p_receiver_e_m)
-    e_ned = e_e @ ned_axes(place[:, 0], place[:, 1]).swapaxes(1, 2)
+    coordinates = geodetic(p_receiver_e_m)
+    e_ned = e_e @ ned_axes(coordinates[:, 0], coordinates[:, 1]).swapaxes(1, 2)
     north, east, down = np.moveaxis(e_ned, 2, 0)
     return np.arcsin(np.clip(-down, -1.0, 1.0)), np.arctan2(east, north)
 

@@ -35,15 +35,15 @@ def _equations(
     p_e_m: FloatArray,
 ) -> Equations:
     paths = signal_paths(ranges.states, p_e_m, np.zeros_like(p_e_m))
-    seen = angles(p_e_m, paths.e_e)
-    sigma_m = growing(flight.gnss_noise, flight.gnss_noise.code_m, seen[0])
+    direction = angles(p_e_m, paths.e_e)
+    sigma_m = growing(flight.gnss_noise, flight.gnss_noise.code_m, direction[0])
     y, variance_m2 = ranges.range_m - paths.range_m, ranges.message_variance_m2 + sigma_m**2
     if flight.gnss_noise.atmosphere:
-        delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
+        delay_m, left_m2 = atmosphere_m(flight, channels, p_e_m, direction, ranges.gps_s)
         y, variance_m2 = y - delay_m, variance_m2 + left_m2
     clocks = np.broadcast_to(channels.clock_of, (*y.shape, len(channels.constellations)))
     A = np.concatenate([-paths.e_e, clocks], axis=2)
-    return Equations(A, y, variance_m2, seen[0])
+    return Equations(A, y, variance_m2, direction[0])
 
 
 def growing(noise: GnssNoise, sigma: float, elevation_rad: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What pseudoranges and Dopplers of one antenna say about it, once the satellites are known."""
+"""Model of one antenna's pseudoranges and Dopplers, given the satellites."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class CodeChannels:
 
     @property
     def has_carrier(self) -> BoolArray:
-        """Whether the carrier is known as exactly as phase and Doppler need it, (m,)."""
+        """Mask of channels whose carrier is known as exactly as phase and Doppler need it, (m,)."""
         named = zip(self.satellites, self.signals, strict=True)
         return np.array([known(*channel) for channel in named], dtype=np.bool_)
 
@@ -93,9 +93,9 @@ def _first_seen(observations: Observations, antenna: int, chosen: Selection) -> 
     out = np.zeros(len(column), dtype=np.bool_)
     for letter in np.unique(letters):
         members = letters == letter
-        seen = coded[:, members].any(axis=1)
-        if seen.any():
-            out |= members & coded[seen.argmax()]
+        is_tracked = coded[:, members].any(axis=1)
+        if is_tracked.any():
+            out |= members & coded[is_tracked.argmax()]
     return out
 
 
@@ -111,7 +111,7 @@ class CodeRanges:
     message_variance_m2: FloatArray  # (n, m)
 
     def rows(self, at: BoolArray | IntArray) -> "CodeRanges":
-        """Return some of the epochs."""
+        """Return the model of selected epochs."""
         names = ("p_e_m", "v_e_mps", "clock_s", "clock_drift_sps", "unhealthy")
         return CodeRanges(
             self.gps_s[at],
@@ -202,10 +202,10 @@ def atmosphere_m(
     """
     broadcast, leaves = flight.broadcast, flight.gnss_noise.message_errors
     coefficients = np.zeros(8) if broadcast is None else broadcast.klobuchar
-    place = geodetic(p_e_m)
+    coordinates = geodetic(p_e_m)
     elevation = angles_rad[0].clip(_LOWEST_RAD)
-    ionosphere = klobuchar_m(coefficients, place, elevation, angles_rad[1], gps_s)
+    ionosphere = klobuchar_m(coefficients, coordinates, elevation, angles_rad[1], gps_s)
     ionosphere = ionosphere * (_L1_HZ / channels.frequency_hz) ** 2
     unmodelled_m = _TROPOSPHERE_M / (np.sin(elevation) + 0.1)
     variance = leaves * ((_IONOSPHERE_SHARE * ionosphere) ** 2 + unmodelled_m**2)
-    return ionosphere + saastamoinen_m(place, elevation), variance
+    return ionosphere + saastamoinen_m(coordinates, elevation), variance

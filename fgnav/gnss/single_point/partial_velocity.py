@@ -35,7 +35,7 @@ class PartialVelocity:
 def partial_velocities(
     flight: Flight, solved_s: FloatArray, *, causal: bool = False
 ) -> PartialVelocity:
-    """Return what Dopplers say of the first antenna's velocity at epochs without a position.
+    """Estimate the first antenna's velocity by Dopplers at epochs without a position.
 
     Parameters
     ----------
@@ -51,14 +51,14 @@ def partial_velocities(
     if observations is None or len(solved_s) == len(observations.t_s):
         return none
     p_e_m, _ = motion_so_far(flight, observations.t_s)
-    place = np.asarray(np.isfinite(p_e_m).all(axis=1))
-    row = np.flatnonzero(place & ~np.isin(observations.t_s, solved_s))
+    has_position = np.asarray(np.isfinite(p_e_m).all(axis=1))
+    epochs = np.flatnonzero(has_position & ~np.isin(observations.t_s, solved_s))
     channels = code_channels(observations, 0, causal=causal)
-    if not (len(row) and channels.satellites):
+    if not (len(epochs) and channels.satellites):
         return none
-    ranges = code_ranges(flight, observations, channels, 0, row)
-    paths = signal_paths(ranges.states, p_e_m[row], np.zeros((len(row), 3)))
-    elevation_rad = angles(p_e_m[row], paths.e_e)[0]
+    ranges = code_ranges(flight, observations, channels, 0, epochs)
+    paths = signal_paths(ranges.states, p_e_m[epochs], np.zeros((len(epochs), 3)))
+    elevation_rad = angles(p_e_m[epochs], paths.e_e)[0]
     y = ranges.rate_mps - paths.range_rate_mps
     use = np.isfinite(ranges.range_m) & np.isfinite(y)
     use &= elevation_rad >= flight.elevation_mask_rad
@@ -67,7 +67,7 @@ def partial_velocities(
     v_n_mps, root, sound = _without_drift(A, y, sigma_mps, use)
     valid = sound & root.any(axis=(1, 2))
     return PartialVelocity(
-        t_s=observations.t_s[row][valid],
+        t_s=observations.t_s[epochs][valid],
         v_n_mps=v_n_mps[valid],
         root=root[valid],
         refused=int((~sound).sum()),

@@ -23,7 +23,7 @@ BLOCK = 2000  # epochs worked on at once: temporaries stay within some 10 MB
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class CodeSolution:
-    """Where one antenna was, by its code observations alone, at the epochs that have an answer."""
+    """Positions of one antenna by its code alone, at the epochs that have a solution."""
 
     # Nominal epochs. Positions are moved there from the true time of reception where a velocity is
     # known.
@@ -118,7 +118,7 @@ def _solve(flight: Flight, *, causal: bool) -> CodeSolution:
         if starts is not None and len(starts.epoch):
             start_e_m = interpolate(epoch.astype(np.float64), starts.epoch, starts.p_e_m)
         blocks.append(solved_block(flight.gnss_noise, ranges, solve, epoch, start_e_m, lost))
-    columns = ([getattr(block, one.name) for block in blocks] for one in fields(SolvedBlock))
+    columns = ([getattr(block, field.name) for block in blocks] for field in fields(SolvedBlock))
     solved = SolvedBlock(*(np.concatenate(column) for column in columns))
     unused = unused_of({(f"{name} {what}", reason): n for (what, reason), n in lost.items()})
     return _finish(flight.origin, observations, channels, solved, unused, causal=causal)

@@ -90,11 +90,11 @@ def _ports(session: "InferenceSession", side: str) -> list[Any]:
 def _run(
     session: "InferenceSession", outputs: list[str], feed: dict[str, NDArray[Any]]
 ) -> list[NDArray[Any]]:
-    results = [np.asarray(one) for one in session.run(outputs, feed)]
-    for name, one in zip(outputs, results, strict=True):
-        if one.dtype.kind not in "biuf":
+    results = [np.asarray(output) for output in session.run(outputs, feed)]
+    for name, output in zip(outputs, results, strict=True):
+        if output.dtype.kind not in "biuf":
             raise ValueError(f"output {name!r} is no array of numbers")
-    if sum(one.nbytes for one in results) > _ANSWER_BYTES:
+    if sum(output.nbytes for output in results) > _ANSWER_BYTES:
         raise ValueError(f"more than {_ANSWER_BYTES} bytes of outputs")
     return results
 

@@ -1,4 +1,4 @@
-"""What two processes say to each other through a pipe: words as JSON, then arrays byte by byte."""
+"""Messages between two processes through a pipe: words as JSON, then arrays byte by byte."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ def receive(stream: BinaryIO) -> tuple[dict[str, Any], list[NDArray[Any]]]:
         If the other side has ended.
     """
     header = json.loads(_exactly(stream, int.from_bytes(_exactly(stream, _LENGTH_BYTES), "little")))
-    return header["words"], [_array(stream, *one) for one in header["arrays"]]
+    return header["words"], [_array(stream, *header_entry) for header_entry in header["arrays"]]
 
 
 def _array(stream: BinaryIO, kind: str, shape: Sequence[int]) -> NDArray[Any]:

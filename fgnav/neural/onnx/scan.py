@@ -56,9 +56,12 @@ def _wrong(model: "ModelProto") -> Iterator[str]:
 def _wrong_of_node(node: "NodeProto") -> Iterator[str]:
     if node.domain not in _STANDARD_DOMAINS:
         yield f"uses an operator of {node.domain!r}, only standard operators are run"
-    if any(part.HasField("g") or part.graphs for part in node.attribute):
+    if any(attribute.HasField("g") or attribute.graphs for attribute in node.attribute):
         yield "holds a graph in a node (If, Loop, Scan): it may never end"
-    if any(part.HasField("sparse_tensor") or part.sparse_tensors for part in node.attribute):
+    if any(
+        attribute.HasField("sparse_tensor") or attribute.sparse_tensors
+        for attribute in node.attribute
+    ):
         yield "holds sparse weights, only dense ones are read"
 
 
@@ -66,9 +69,9 @@ def _tensors(graph: "GraphProto") -> Iterator["TensorProto"]:
     """Yield initial values and constants."""
     yield from graph.initializer
     for node in graph.node:
-        for part in node.attribute:
-            yield from ([part.t] if part.HasField("t") else [])
-            yield from part.tensors
+        for attribute in node.attribute:
+            yield from ([attribute.t] if attribute.HasField("t") else [])
+            yield from attribute.tensors
 
 
 def _wrong_of_tensor(tensor: "TensorProto") -> Iterator[str]:

@@ -83,18 +83,20 @@ class AmbiguityNetwork:
         network = _loaded(self.network)
         links = phase_links(differences)
         signal = _of_signal(differences)
-        whole = _whole(differences, signal)
-        noise = next(one for one in network.manifest.domain if one.name == "range_noise_m")
+        complete = _whole(differences, signal)
+        noise = next(figure for figure in network.manifest.domain if figure.name == "range_noise_m")
         precise = noise.holds(np.sqrt(differences.code_variance_m2))
-        known = whole & (precise | ~signal).all(axis=1)
+        in_domain = complete & (precise | ~signal).all(axis=1)
         cycles, sure = np.zeros(links.shape, dtype=np.int64), np.zeros(links.shape, dtype=np.bool_)
-        if known.any():
-            order = _order(differences, signal)[known]
-            answers, accepted = self._answers(network, differences, np.flatnonzero(known), order)
-            _put(cycles, known, order, answers)
-            _put(sure, known, order, accepted)
+        if in_domain.any():
+            order = _order(differences, signal)[in_domain]
+            answers, accepted = self._answers(
+                network, differences, np.flatnonzero(in_domain), order
+            )
+            _put(cycles, in_domain, order, answers)
+            _put(sure, in_domain, order, accepted)
         fixed = links & sure
-        six, exact = (one[:, None, None] & signal for one in (whole, known))
+        six, exact = (figure[:, None, None] & signal for figure in (complete, in_domain))
         return Integers(
             resolver=self.name,
             cycles=np.where(fixed, cycles, 0),
@@ -170,7 +172,7 @@ def _check_array(network: str, baselines_b_m: FloatArray, flight: Flight) -> Non
 
 
 def _of_signal(differences: DoubleDifferences) -> BoolArray:
-    """Return which channels are of the network's signal, (m,)."""
+    """Return the mask of channels of the network's signal, (m,)."""
     channels = zip(differences.satellites, differences.signals, strict=True)
     return np.array([(satellite[0], signal) == ("G", "1C") for satellite, signal in channels])
 
@@ -193,6 +195,6 @@ def _put(
     links: IntArray | BoolArray, whole: BoolArray, order: IntArray, values: IntArray | BoolArray
 ) -> None:
     """Write what is known of whole epochs, in the network's order, into all links (n, b, m)."""
-    part = links[whole]
-    np.put_along_axis(part, order[:, None], values, axis=2)
-    links[whole] = part
+    whole_links = links[whole]
+    np.put_along_axis(whole_links, order[:, None], values, axis=2)
+    links[whole] = whole_links

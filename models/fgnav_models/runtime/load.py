@@ -32,9 +32,9 @@ def load(name_or_path: str | Path) -> Network:
     if path.suffix in {".json", ".toml"}:
         return load_network(path, integers=True)
     if str(name_or_path) not in released():
-        known = ", ".join(released()) or "none"
+        names = ", ".join(released()) or "none"
         raise BadInputError(
-            f"network {str(name_or_path)!r}: not one of {known}, nor a manifest, .toml or .json"
+            f"network {str(name_or_path)!r}: not one of {names}, nor a manifest, .toml or .json"
         )
     return load_network(WEIGHTS / f"{name_or_path}.json", integers=True)
 
@@ -62,27 +62,27 @@ def for_resolver(
     """
     network = load(name_or_path)
     manifest, path = network.manifest, network.path
-    if [one.sensor for one in manifest.inputs] != list(given):
+    if [spec.sensor for spec in manifest.inputs] != list(given):
         raise BadInputError(f"{path}: key inputs: the sensors must be {', '.join(given)}, in order")
-    for row, one in enumerate(manifest.inputs):
-        known = given[one.sensor]
+    for index, spec in enumerate(manifest.inputs):
+        sensor = given[spec.sensor]
         for key, stated, right in (
-            ("unit", one.unit, known.unit),
-            ("frame", one.frame, known.frame),
-            ("range", len(one.range), known.channels),
+            ("unit", spec.unit, sensor.unit),
+            ("frame", spec.frame, sensor.frame),
+            ("range", len(spec.range), sensor.channels),
         ):
             if stated != right:
                 what = f"be {right}" if key != "range" else f"have {right} entries"
                 raise BadInputError(
-                    f"{path}: key inputs[{row}].{key}: must {what}, as the resolver gives "
-                    f"{one.sensor!r}, got {stated}"
+                    f"{path}: key inputs[{index}].{key}: must {what}, as the resolver gives "
+                    f"{spec.sensor!r}, got {stated}"
                 )
     if manifest.output.covariance.form not in forms:
         raise BadInputError(
             f"{path}: key output.covariance.form: must be {' or '.join(sorted(forms))}, got "
             f"{manifest.output.covariance.form}"
         )
-    if sorted(one.name for one in manifest.domain) != sorted(figures):
+    if sorted(spec.name for spec in manifest.domain) != sorted(figures):
         raise BadInputError(
             f"{path}: key domain: must state {', '.join(sorted(figures))}, each once, and no others"
         )

@@ -54,7 +54,7 @@ def network_arcs() -> Arcs:
 
 
 class Trust(NamedTuple):
-    """What the network makes of some epochs."""
+    """Integers and probabilities of some epochs by the network."""
 
     cycles: IntArray  # (n, b, m): of the likeliest candidate
     wrong_probability: FloatArray  # (n,): of any integer that no worse link takes part in
@@ -89,7 +89,7 @@ class Network:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether noise, or what is accepted outside the domain, is of the whole flight."""
+        """Return True if the noise, or the fallback's acceptance, is of the whole flight."""
         return not self.causal
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:
@@ -149,7 +149,7 @@ class Network:
     def _beyond(
         self, differences: DoubleDifferences, flight: Flight, outside: tuple[str, ...]
     ) -> Integers:
-        """Return what the fallback makes of epochs outside the domain, and say so."""
+        """Resolve epochs outside the domain by the fallback, and report it."""
         fallback = replace(self.fallback, estimate_noise=False, causal=self.causal)
         integers = fallback(differences, flight)
         unused = [
@@ -164,7 +164,7 @@ class Network:
 
 
 def handed_over(integers: Integers) -> Mapping[str, int]:
-    """Return how many epochs were outside the network's domain, by reason."""
+    """Count the epochs outside the network's domain, by reason."""
     return {loss.reason: loss.count for loss in integers.unused if loss.what == HANDED_OVER}
 
 
@@ -198,8 +198,8 @@ def outside_domain(
         "baseline_m": _range(np.broadcast_to(length_m, antennas[:, 1:].shape), antennas[:, 1:]),
     }
     for figure in domain:
-        least, most = counted[figure.name]
-        beyond = is_present & ~(figure.holds(least) & figure.holds(most))
+        lowest, most = counted[figure.name]
+        beyond = is_present & ~(figure.holds(lowest) & figure.holds(most))
         texts[beyond & (texts == "")] = figure.beyond
     return tuple(texts.tolist())
 
@@ -274,10 +274,10 @@ def _ratio(n: int, listed: Candidates) -> FloatArray:
 
 def _range(value: FloatArray, is_present: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return least and largest value of each epoch, (n,): 1 where there is none."""
-    least = np.where(is_present, value, np.inf).min(axis=1, initial=np.inf)
+    lowest = np.where(is_present, value, np.inf).min(axis=1, initial=np.inf)
     most = np.where(is_present, value, -np.inf).max(axis=1, initial=-np.inf)
     some = is_present.any(axis=1)
-    return np.where(some, least, 1.0), np.where(some, most, 1.0)
+    return np.where(some, lowest, 1.0), np.where(some, most, 1.0)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What recipes say of networks to be released, and how their manifests begin."""
+"""Releases in recipes, and the beginnings of their manifests."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ _MOST = 1e3  # of any channel of an input that states no range: the domain's fig
 
 
 class Release(Table, frozen=True):
-    """What a recipe says about a network to be released."""
+    """Release of a network, as its recipe states it."""
 
     name: str
     purpose: str
@@ -67,7 +67,7 @@ def manifest_of(
 
 
 def words_and_figures(domain: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[Statistic, ...]]:
-    """Return what a recipe's domain says in words, and its figures: one number, or a range."""
+    """Return a recipe's domain in words, and its figures: one number, or a range."""
     figures = {
         name: value if isinstance(value, list) else [value, value]
         for name, value in domain.items()

@@ -1,4 +1,4 @@
-"""What recipes of networks that measure have in common: how one learns, and what it is told of."""
+"""Learning, and the domain, of networks that measure: the common part of their recipes."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ _VALIDATIONS = 10
 
 
 class Learning(Table, frozen=True):
-    """How a network is made: how long and how fast it learns."""
+    """Learning of a network: steps, batch and rate."""
 
     steps: Count = 8000
     batch: Count = 1024
@@ -59,7 +59,7 @@ class Learning(Table, frozen=True):
         figures: Mapping[str, FloatArray],
         calm: tuple[str, ...] = (),
     ) -> tuple[Statistic, ...]:
-        """Return what figures span over the training windows, but for a few.
+        """Return the range of figures over the training windows, but for a few.
 
         Parameters
         ----------

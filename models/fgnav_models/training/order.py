@@ -1,4 +1,4 @@
-"""What ``fgnav train`` asks of whoever trains: where to, how large, on what, until when."""
+"""Order of ``fgnav train`` to a trainer: folder, scale, device and time limit."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -75,11 +75,11 @@ class Order:
         """Write words and a table into ``report.md``; return the lines to print."""
         path = self.out / "report.md"
         write_text(path, f"{words}{markdown_table(heads, rows)}\n")
-        return [*(" | ".join(row) for row in rows), f"the table is in {path}"]
+        return [*(" | ".join(record) for record in rows), f"the table is in {path}"]
 
 
 class Trainer(Protocol):
-    """What a kind of recipe is run by."""
+    """Trainer of a kind of recipe."""
 
     def __call__(self, order: Order) -> list[str]:
         """Train until done; return the lines to print at the end.

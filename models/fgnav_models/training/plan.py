@@ -1,4 +1,4 @@
-"""What training would cost: a few steps of every network in the place of all, timed."""
+"""Cost of training, estimated: a few timed steps of every network in the place of all."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

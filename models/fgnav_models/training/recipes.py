@@ -60,6 +60,6 @@ def said(part: object) -> Any:  # noqa: ANN401  # plain content of any part
 
 
 def _unsaid(field: msgspec.structs.FieldInfo) -> object:
-    """Return what a field is where nobody says it."""
+    """Return the default of a field."""
     made = field.default_factory
     return field.default if made is msgspec.NODEFAULT else made()

@@ -68,15 +68,15 @@ def release(
     """
     module.eval()
     _check_weights(module, manifest.name)
-    given = _tensors([one[:_EXAMPLES] for one in examples], manifest)
+    given = _tensors([example[:_EXAMPLES] for example in examples], manifest)
     if half:
         _round_to_half(module)
     content = _exported(module, given, manifest)
     if half:
         content = _halved(content)
     manifest = msgspec.structs.replace(manifest, sha256=sha256(content).hexdigest())
-    with TemporaryDirectory() as place:
-        _check_agreement(module, given, _written(manifest, content, Path(place)))
+    with TemporaryDirectory() as folder_name:
+        _check_agreement(module, given, _written(manifest, content, Path(folder_name)))
     _written(manifest, content, made_folder(folder))
     write_text(folder / f"{manifest.name}.md", card(manifest, words, metrics))
     return manifest
@@ -88,20 +88,23 @@ def card(manifest: Manifest, words: Release, metrics: Mapping[str, float]) -> st
     ports = [
         (
             "in",
-            f"`{one.name}`",
-            f"{one.window} × {len(one.range)}",
-            one.unit,
-            f"{one.sensor}, frame {one.frame}" + (f", {one.rate_hz:g} Hz" if one.rate_hz else ""),
+            f"`{spec.name}`",
+            f"{spec.window} × {len(spec.range)}",
+            spec.unit,
+            f"{spec.sensor}, frame {spec.frame}"
+            + (f", {spec.rate_hz:g} Hz" if spec.rate_hz else ""),
         )
-        for one in manifest.inputs
+        for spec in manifest.inputs
     ]
     ports.append(("out", f"`{output.name}`", output.manifold, output.unit, output.measures))
     if output.covariance.name:
         ports.append(("out", f"`{output.covariance.name}`", "", "", output.covariance.form))
     domain = [f"{_words(key)}: {_plain(value)}" for key, value in words.domain.items()]
     domain += [
-        f"{_words(one.name)}: {one.range[0]:g} to {one.range[1]:g} {one.unit}".removesuffix(" 1")
-        for one in manifest.domain
+        f"{_words(spec.name)}: {spec.range[0]:g} to {spec.range[1]:g} {spec.unit}".removesuffix(
+            " 1"
+        )
+        for spec in manifest.domain
     ]
     figures = [(_words(key), f"{value:.6g}") for key, value in metrics.items()]
     sections = {
@@ -144,7 +147,7 @@ def made_with(
     metrics: Mapping[str, float],
     order: Order | None = None,
 ) -> Origin:
-    """Return what a network is made of, with this machine's versions, and the command's order."""
+    """Return the provenance of a network: versions of this machine, and the command's order."""
     on_gpu = order is not None and order.device == "cuda"
     versions = {
         "python": platform.python_version(),
@@ -198,8 +201,8 @@ def _plain(value: object) -> str:
 
 def _written(manifest: Manifest, content: bytes, folder: Path) -> Path:
     """Write ONNX file and manifest; return where that is."""
-    with atomic_file(folder / manifest.onnx) as part:
-        part.write_bytes(content)
+    with atomic_file(folder / manifest.onnx) as partial:
+        partial.write_bytes(content)
     path = folder / f"{manifest.name}.json"
     save_manifest(manifest, path)
     return path
@@ -223,7 +226,7 @@ def _exported(
     module: torch.nn.Module, given: tuple[torch.Tensor, ...], manifest: Manifest
 ) -> bytes:
     """Return the ONNX file of a module, the number of rows left open."""
-    inputs, outputs = [one.name for one in manifest.inputs], [n for _, n in manifest.outputs()]
+    inputs, outputs = [spec.name for spec in manifest.inputs], [n for _, n in manifest.outputs()]
     axes = {name: {0: "n"} for name in (*inputs, *outputs)}
     buffer = BytesIO()
     with warnings.catch_warnings():
@@ -249,8 +252,8 @@ def _tensors(examples: Sequence[FloatArray], manifest: Manifest) -> tuple[torch.
             f"examples: must be one per input, {len(manifest.inputs)}, got {len(examples)}"
         )
     return tuple(
-        torch.from_numpy(np.ascontiguousarray((x - one.mean) / one.scale, dtype=np.float32))
-        for one, x in zip(manifest.inputs, examples, strict=True)
+        torch.from_numpy(np.ascontiguousarray((x - spec.mean) / spec.scale, dtype=np.float32))
+        for spec, x in zip(manifest.inputs, examples, strict=True)
     )
 
 
@@ -289,8 +292,8 @@ def _check_agreement(module: torch.nn.Module, given: tuple[torch.Tensor, ...], p
         answers = (answer,) if isinstance(answer, torch.Tensor) else answer
         theirs = [x.double().numpy().reshape(len(x), -1) for x in answers[: len(names)]]
         shown = [
-            x.numpy().reshape(len(x), one.window, len(one.range)) * one.scale + one.mean
-            for one, x in zip(manifest.inputs, some, strict=True)
+            x.numpy().reshape(len(x), spec.window, len(spec.range)) * spec.scale + spec.mean
+            for spec, x in zip(manifest.inputs, some, strict=True)
         ]
         ours = network.run(shown)[: len(names)]
         for name, worst in zip(names, disagreement(ours, theirs), strict=True):

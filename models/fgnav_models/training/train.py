@@ -31,7 +31,7 @@ _SPREAD = 1_000_003  # prime; keeps the seeds of neighbouring runs' steps apart
 
 
 class Batches(Protocol):
-    """What a step learns from: the batch of any step, on the training device."""
+    """Batches: the batch of any step, on the training device."""
 
     def __call__(self, step: int) -> Batch:
         """Return the batch of a step; the same step gives the same batch."""
@@ -39,7 +39,7 @@ class Batches(Protocol):
 
 
 class Settings(Table, frozen=True):
-    """How to train."""
+    """Settings of a training."""
 
     steps: Annotated[int, msgspec.Meta(ge=1)]
     learning_rate: Positive = 1e-3  # at the start; ``cosine`` takes it to zero at the last step
@@ -56,7 +56,7 @@ class Settings(Table, frozen=True):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where a run stands."""
+    """State of a run."""
 
     step: int
     steps: int
@@ -275,9 +275,9 @@ class _Run:
             "history": state.history,
         }
         run = json.dumps({"settings": _settings_text(self.settings), "state": text})
-        with atomic_file(self.checkpoint) as part:
+        with atomic_file(self.checkpoint) as partial:
             # one key, for safetensors writes several in an order drawn anew
-            save_file(self._tensors(), part, metadata={"run": run})
+            save_file(self._tensors(), partial, metadata={"run": run})
         self.saved_s = perf_counter()
 
     def _tensors(self) -> dict[str, torch.Tensor]:
@@ -289,8 +289,8 @@ class _Run:
             "moments": {f"{i}.{k}": v for i, inner in moments.items() for k, v in inner.items()},
         }
         return {
-            f"{part}:{key}": value.detach().contiguous()
-            for part, tensors in parts.items()
+            f"{group}:{key}": value.detach().contiguous()
+            for group, tensors in parts.items()
             for key, value in tensors.items()
         }
 
@@ -331,15 +331,15 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, dict[str, torch.Tensor]
             text = (file.metadata() or {}).get("run", "{}")
             run = msgspec.json.decode(text, type=dict[str, Any])
             for key in file.keys():  # noqa: SIM118  # not a mapping
-                part, _, name = key.partition(":")
-                parts[part][name] = file.get_tensor(key)
+                group, _, name = key.partition(":")
+                parts[group][name] = file.get_tensor(key)
     except (SafetensorError, KeyError, msgspec.MsgspecError) as error:
         raise BadInputError(f"{path}: is no checkpoint of ours ({error}); delete it") from None
     return run, parts
 
 
 def _settings_text(settings: Settings) -> str:
-    """Return what must not change between slices; how often to write a checkpoint may."""
+    """Return the settings that must not change between slices; the interval of checkpoints may."""
     return msgspec.json.encode(msgspec.structs.replace(settings, checkpoint_s=0.0)).decode()
 
 

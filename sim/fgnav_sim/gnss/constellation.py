@@ -109,7 +109,7 @@ def orbits_of_files(
 
         broadcast = read_navigation([Path(name) for name in navigation], start_gps_s)
     if orbits:
-        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: few have such files
+        from fgnav.io.sp3 import read_precise  # noqa: PLC0415  # lazy: few have such files
 
         precise = read_precise([Path(name) for name in orbits], start_gps_s)
     return broadcast, precise

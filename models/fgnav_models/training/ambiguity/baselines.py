@@ -1,4 +1,4 @@
-"""What a network's figures are held against, and the figures themselves."""
+"""Figures of integers, and the baselines that networks are compared with."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -11,7 +11,7 @@ from fgnav_models.training.ambiguity.data import Samples
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Figures:
-    """How good integers are, for each double difference, (d,)."""
+    """Accuracy of integers, for each double difference, (d,)."""
 
     # share of right ones. NaN where nothing was to be judged, as below.
     accuracy_percent: FloatArray
@@ -28,8 +28,8 @@ class Figures:
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists; None where a figure does not exist."""
         return {
-            one.name: [None if np.isnan(v) else float(v) for v in getattr(self, one.name)]
-            for one in fields(self)[:-1]
+            field.name: [None if np.isnan(v) else float(v) for v in getattr(self, field.name)]
+            for field in fields(self)[:-1]
         } | {"all_right_percent": self.all_right_percent}
 
 
@@ -40,11 +40,11 @@ def figures(answer: IntArray, cycles: IntArray, is_present: BoolArray) -> Figure
     top = np.where(is_present, cycles, -(2**31)).max(axis=0)
     bottom = np.where(is_present, cycles, 2**31).min(axis=0)
     spread2 = np.where(top > bottom, top - bottom, np.nan).astype(float) ** 2
-    judged = is_present.sum(axis=0).astype(float)
+    counts = is_present.sum(axis=0).astype(float)
     failed = _ratio(square.sum(axis=0), wrong.sum(axis=0))
-    total = _ratio(square.sum(axis=0), judged)
+    total = _ratio(square.sum(axis=0), counts)
     return Figures(
-        accuracy_percent=100.0 * (1.0 - _ratio(wrong.sum(axis=0), judged)),
+        accuracy_percent=100.0 * (1.0 - _ratio(wrong.sum(axis=0), counts)),
         mse_failed_cycles2=failed,
         mse_failed_normalised=failed / spread2,
         mse_total_cycles2=total,

@@ -26,7 +26,7 @@ _CHUNK = 57_600  # epochs drawn at a time: links, which are dropped, need 20 tim
 
 
 class Data(Table, frozen=True):
-    """How much of a world is drawn, what is seen of it, and what is kept for the test."""
+    """Size of the drawn data, inputs, and shares of training, validation and test."""
 
     epochs: Annotated[int, msgspec.Meta(ge=1)]
     inputs: tuple[Input, ...] = ("range", "constellation")  # as ``ambiguity_inputs`` names them
@@ -87,12 +87,12 @@ def draw(
     chunk = max(1, _CHUNK // length) * length
     sizes = [min(chunk, count - start) for start in range(0, count, chunk)]
     parts = [
-        _drawn(world, inputs, size, satellites, own)
-        for size, own in zip(sizes, rng.spawn(len(sizes)), strict=True)
+        _drawn(world, inputs, size, satellites, generator)
+        for size, generator in zip(sizes, rng.spawn(len(sizes)), strict=True)
     ]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    row = np.arange(count)
-    run = row // length
+    joined = {name: np.concatenate([size[name] for size in parts]) for name in parts[0]}
+    index = np.arange(count)
+    run = index // length
     outside = np.abs(joined["cycles"]) > N_MAX
     is_present = joined["is_present"] & ~outside
     unused: tuple[Unused, ...] = ()
@@ -163,7 +163,7 @@ class Parts:
 
 
 def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Generator) -> Parts:
-    """Return which rows are for what; what belongs nowhere is counted as a loss.
+    """Split the rows; those that belong nowhere are counted as unused.
 
     Raises
     ------
@@ -172,29 +172,29 @@ def parts_of(samples: Samples, data: Data, window: int, *, rng: np.random.Genera
     """
     runs = int(samples.run[-1]) + 1
     of_run = _dealt(runs, data.shares, rng)
-    part = of_run[samples.run]
+    subset = of_run[samples.run]
     if data.split == "blocks":
         _, block = np.unique(np.floor(samples.t_s / data.block_s), return_inverse=True)
         of_block = _dealt(int(block.max()) + 1, data.shares, rng)[block]
         leaves = block != block[samples.first]
-        whole = (np.bincount(samples.run, leaves, runs) == 0)[samples.run]
-        part = np.where(whole | (of_block == part), of_block, NOWHERE)
-    row = np.arange(len(part))
-    early = row - samples.first < window - 1
-    across = ~early & (part[np.maximum(row - window + 1, 0)] != part)
+        complete = (np.bincount(samples.run, leaves, runs) == 0)[samples.run]
+        subset = np.where(complete | (of_block == subset), of_block, NOWHERE)
+    index = np.arange(len(subset))
+    early = index - samples.first < window - 1
+    across = ~early & (subset[np.maximum(index - window + 1, 0)] != subset)
     unused = [
         Unused(what="epoch", reason=reason, count=int(wrong.sum()))
         for reason, wrong in (
-            ("its run and its block of time are in different parts", part == NOWHERE),
+            ("its run and its block of time are in different parts", subset == NOWHERE),
             (
                 "there is no whole window before it in its part",
-                (early | across) & (part != NOWHERE),
+                (early | across) & (subset != NOWHERE),
             ),
         )
         if wrong.any()
     ]
     usable = ~early & ~across
-    rows = [np.flatnonzero(usable & (part == kind)) for kind in (TRAIN, VALIDATION, TEST)]
+    rows = [np.flatnonzero(usable & (subset == kind)) for kind in (TRAIN, VALIDATION, TEST)]
     for name, share, some in zip(
         ("training", "validation", "test"), data.shares, rows, strict=True
     ):
@@ -246,8 +246,8 @@ class Rows:
 
     def __call__(self, rows: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Return windows (n, k, f), integers (n, t) and whether they are there (n, t)."""
-        seen = rows[:, None] + self._back
-        return self._features[seen], self._cycles[rows], self._is_present[rows]
+        window = rows[:, None] + self._back
+        return self._features[window], self._cycles[rows], self._is_present[rows]
 
 
 @dataclass(slots=True)

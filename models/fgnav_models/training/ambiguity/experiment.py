@@ -62,7 +62,7 @@ class Experiment(Table, frozen=True):
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Result:
-    """What came of an experiment."""
+    """Result of an experiment."""
 
     columns: list[int]  # double difference of each target
     history: list[dict[str, float]]  # validation on the way
@@ -75,7 +75,7 @@ class Result:
 
 
 def columns_of(experiment: Experiment, differences: int) -> IntArray:
-    """Return which double difference each target of an experiment answers."""
+    """Return the double difference that each target of an experiment answers."""
     if experiment.targets == "benchmark":
         if experiment.benchmark >= differences:
             raise BadInputError(
@@ -90,8 +90,8 @@ def network_of(
     experiment: Experiment, samples: Samples, parts: Parts, columns: IntArray
 ) -> AmbiguityNet:
     """Return the untrained network of an experiment, its inputs scaled by the training rows."""
-    seen = torch.from_numpy(samples.features[parts.train])
-    offset, mix = (whitened if experiment.scaling == "whitened" else min_max)(seen)
+    features = torch.from_numpy(samples.features[parts.train])
+    offset, mix = (whitened if experiment.scaling == "whitened" else min_max)(features)
     return AmbiguityNet(
         experiment.architecture,
         task=experiment.task,
@@ -176,7 +176,7 @@ def _judged(samples: Samples, rows: IntArray, columns: IntArray, answers: IntArr
 
 
 def read_failures(folder: Path) -> BoolArray:
-    """Return which test rows failed, (n, t), of an experiment that kept them."""
+    """Return the mask of failed test rows, (n, t), of an experiment that kept them."""
     failed: BoolArray = load_file(folder / "failures.safetensors")["failed"].numpy()
     return failed
 
@@ -225,17 +225,19 @@ def _validation(
     """Return the loss that decides, and the share of wrong integers, over all targets."""
     if not len(of):
         return {}
-    loss = wrong = judged = 0.0
+    loss = wrong = total = 0.0
     some = of[:: ceil(len(of) / experiment.validation_rows)]
     for chunk in _chunks(rows.on_device(some)):
         features, cycles, is_present = rows(chunk)
         answer = module(features)
         loss += float(loss_of(experiment.task, answer, cycles, is_present)) * len(chunk)
         wrong += float(((cycles_of(experiment.task, answer) != cycles) & is_present).sum())
-        judged += float(is_present.sum())
-    return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(judged, 1.0)}
+        total += float(is_present.sum())
+    return {"validation_loss": loss / len(some), "wrong_percent": 100.0 * wrong / max(total, 1.0)}
 
 
 def _save(path: Path, tensors: dict[str, torch.Tensor]) -> None:
-    with atomic_file(path) as part:
-        save_file({key: value.detach().cpu().contiguous() for key, value in tensors.items()}, part)
+    with atomic_file(path) as partial:
+        save_file(
+            {key: value.detach().cpu().contiguous() for key, value in tensors.items()}, partial
+        )

@@ -59,5 +59,5 @@ def _axes(path: Path, labels: tuple[str, str]) -> Iterator[Any]:
     axes.grid(color="#e6e6e6", linewidth=0.6)
     axes.set_axisbelow(True)
     yield axes
-    with atomic_file(path) as part:
-        figure.savefig(part, format="png", metadata={"Software": None})
+    with atomic_file(path) as partial:
+        figure.savefig(partial, format="png", metadata={"Software": None})

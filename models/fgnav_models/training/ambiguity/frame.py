@@ -55,7 +55,7 @@ def run(order: Order) -> list[str]:
     ``elsewhere`` are laid over its own world.
     """
     studies = _studies(order)
-    rows = [row for study in studies for row in _run(study, order)]
+    rows = [record for study in studies for record in _run(study, order)]
     heads = ("study", "tried on", *ANSWERS, "network, all", "rounding, all")
     notes = [f"- {study.name}: {study.question}\n" for study in studies if study.question]
     units = "Right integers, percent; in the last two columns, epochs with every integer right."
@@ -66,11 +66,11 @@ def _studies(order: Order) -> list[Study]:
     content = plain(order)
     base = content.pop("base", {})
     studies = []
-    for own in content.pop("study", []):
-        whole = laid_over(base, own)
-        around = whole.get("elsewhere", {})
-        whole["elsewhere"] = {k: laid_over(whole["world"], v) for k, v in around.items()}
-        studies.append(as_table(order.recipe, laid_over(whole, content), Study))
+    for table in content.pop("study", []):
+        merged = laid_over(base, table)
+        around = merged.get("elsewhere", {})
+        merged["elsewhere"] = {k: laid_over(merged["world"], v) for k, v in around.items()}
+        studies.append(as_table(order.recipe, laid_over(merged, content), Study))
     return studies
 
 

@@ -25,7 +25,7 @@ Task: TypeAlias = Literal["classification", "regression"]
 
 
 class Architecture(Table, frozen=True):
-    """What one network looks like."""
+    """Architecture of a network."""
 
     # ``"mlp"``, ``"rnn"`` (the paper's SimpleRNN) or ``"lstm"``
     kind: Literal["mlp", "rnn", "lstm"] = "mlp"
@@ -70,10 +70,10 @@ class StackedRecurrent(nn.Module):  # type: ignore[misc]  # mypy skips torch
         self.gates = 4 if architecture.kind == "lstm" else 1
         width = self.gates * self.units
         self.inward = StackedDense(members, inputs, width, generator)
-        own = torch.empty(members, self.units, width)
-        for member in own:
+        weight = torch.empty(members, self.units, width)
+        for member in weight:
             nn.init.orthogonal_(member, generator=generator)
-        self.own = nn.Parameter(own)
+        self.own = nn.Parameter(weight)
         if self.gates == 4:
             with torch.no_grad():
                 self.inward.bias[..., self.units : 2 * self.units] = 1.0
@@ -198,7 +198,7 @@ class AmbiguityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         return h if self.task == "classification" else torch.sigmoid(h[:, :, 0])
 
     def _corrected(self, cycles: torch.Tensor) -> torch.Tensor:
-        """Return what ``forward`` does from a real number of cycles per target, (n, t)."""
+        """Return the output of ``forward`` as a real number of cycles per target, (n, t)."""
         if self.task == "regression":
             return (cycles + N_MAX) / (2 * N_MAX)
         integers = torch.arange(-N_MAX, N_MAX + 1, dtype=cycles.dtype, device=cycles.device)

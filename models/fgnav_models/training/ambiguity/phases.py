@@ -32,7 +32,7 @@ _DATA, _PARTS = range(2)  # streams of random numbers, apart from one another
 
 
 class Grid(Table, frozen=True):
-    """What the phases try; the defaults are the paper's."""
+    """Grid of the phases; the defaults are the paper's."""
 
     tasks: tuple[Task, ...] = ("classification", "regression")
     types: tuple[Type, ...] = ("mlp", "rnn")
@@ -183,14 +183,16 @@ class _Bench:
 def three_phases(
     grid: Grid, start: Experiment, task: Task, score: Callable[[str, Experiment], float]
 ) -> Experiment:
-    """Return what the phases 1 to 3 choose: type and window, architecture, learning rate.
+    """Choose by phases 1 to 3: type and window, architecture, learning rate.
 
     ``score`` runs an experiment in the folder of a name; the highest is chosen, of equal ones the
     first.
     """
 
     def best(phase: int, experiments: Mapping[str, Experiment]) -> Experiment:
-        scores = {name: score(f"{phase}/{name}", one) for name, one in experiments.items()}
+        scores = {
+            name: score(f"{phase}/{name}", experiment) for name, experiment in experiments.items()
+        }
         return experiments[max(scores, key=scores.__getitem__)]
 
     first = best(1, _phase_1(grid, start, task))
@@ -243,7 +245,7 @@ def _phase_3(grid: Grid, second: Experiment) -> dict[str, Experiment]:
 
 
 def best_of(result: Result) -> tuple[int, float]:
-    """Return which repetition is best on the validation rows, and its accuracy there, percent."""
+    """Find the repetition that is best on the validation rows, and its accuracy there, percent."""
     accuracy = result.validation["accuracy_percent"]
     best = int(np.argmax(accuracy))
     return best, float(accuracy[best])

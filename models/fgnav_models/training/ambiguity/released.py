@@ -62,13 +62,13 @@ def release_network(
         Features to compare torch and onnxruntime on.
     """
     # Of features another than the released ones are: whatever their number.
-    known = replace(GIVEN[_SENSOR], channels=example.shape[1])
+    sensor = replace(GIVEN[_SENSOR], channels=example.shape[1])
     classifies = net.task == "classification"
     form = Covariance(form="probability", name="probability") if classifies else _NOTHING
     card_words, figures = words_and_figures(words.domain)
     manifest = manifest_of(
         words,
-        (epoch_input("features", _SENSOR, known, net.window),),
+        (epoch_input("features", _SENSOR, sensor, net.window),),
         integers_output("cycles", form),
         figures,
         made_with(int(recipe["seed"]), recipe, metrics, order),

@@ -257,7 +257,7 @@ def _failures(findings: Findings, out: Path) -> list[str]:
 
 
 def _column(result: Result, key: str) -> FloatArray:
-    return np.array([row[key] for row in result.history])
+    return np.array([entry[key] for entry in result.history])
 
 
 def _numbered(
@@ -273,7 +273,7 @@ def _numbered(
 def _with_prefix(findings: Findings, prefix: str) -> dict[str, Result]:
     """Return results whose names begin so, by what follows."""
     of = findings.results.items()
-    return {key.removeprefix(prefix): one for key, one in of if key.startswith(prefix)}
+    return {key.removeprefix(prefix): value for key, value in of if key.startswith(prefix)}
 
 
 def _spread(result: Result, figure: str) -> float:

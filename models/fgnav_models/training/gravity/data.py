@@ -1,4 +1,4 @@
-"""What gravity networks learn from, and the baselines that need no learning."""
+"""Training data of gravity networks, and the baselines that need no learning."""
 
 import os
 from concurrent.futures import ProcessPoolExecutor
@@ -48,7 +48,7 @@ class Rows:
         return len(self.g_b)
 
     def seen(self, *, aided: bool) -> tuple[torch.Tensor, ...]:
-        """Return what a network sees."""
+        """Return the inputs of a network."""
         return (self.f_b_mps2, self.v_n_mps) if aided else (self.f_b_mps2,)
 
 
@@ -70,7 +70,7 @@ class Drawn:
         if not self.mirrored:
             return batch
         half, mirror = self.batch // 2, batch[0].new_tensor(_MIRROR)
-        return tuple(torch.cat([one[:half] * mirror, one[half:]]) for one in batch)
+        return tuple(torch.cat([tensor[:half] * mirror, tensor[half:]]) for tensor in batch)
 
 
 def draw(world: GravityWorld, count: int, *, seed: list[int]) -> GravityEpochs:
@@ -97,9 +97,9 @@ def draw(world: GravityWorld, count: int, *, seed: list[int]) -> GravityEpochs:
     else:
         with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
             drawn = list(pool.map(parts, range(len(sizes)), sizes))
-    starts = np.cumsum([0, *(part.flight[-1] + 1 for part in drawn)])
-    for part, first in zip(drawn, starts[:-1], strict=True):
-        part.flight[:] += first
+    starts = np.cumsum([0, *(block.flight[-1] + 1 for block in drawn)])
+    for block, first in zip(drawn, starts[:-1], strict=True):
+        block.flight[:] += first
     return GravityEpochs.joined(drawn)
 
 
@@ -116,8 +116,8 @@ def baseline(name: str, epochs: GravityEpochs) -> FloatArray:
     along the velocity.
     """
     if name == "physical pair":
-        seen = (torch.from_numpy(x) for x in (epochs.f_b_mps2, epochs.v_n_mps))
-        f_b_mps2, v_n_mps = seen
+        inputs = (torch.from_numpy(x) for x in (epochs.f_b_mps2, epochs.v_n_mps))
+        f_b_mps2, v_n_mps = inputs
         return np.asarray(directions(f_b_mps2, CourseMotion().double()(v_n_mps))[:, 0].numpy())
     f_b = epochs.f_b_mps2.mean(axis=1) if name == "low-pass" else epochs.f_b_mps2[:, -1]
     return np.asarray(-f_b / np.linalg.norm(f_b, axis=1, keepdims=True))
@@ -140,6 +140,6 @@ def split(
     """Return rows to train, to validate and to test, by ``"samples"`` or by ``"flights"``."""
     rng = np.random.default_rng(seed)
     groups = flight if by == "flights" else np.arange(len(flight))
-    place = rng.permutation(groups.max() + 1)[groups]
+    rank = rng.permutation(groups.max() + 1)[groups]
     edges = np.cumsum(shares)[:2] / np.sum(shares) * (groups.max() + 1)
-    return [np.flatnonzero(np.searchsorted(edges, place, side="right") == k) for k in range(3)]
+    return [np.flatnonzero(np.searchsorted(edges, rank, side="right") == k) for k in range(3)]

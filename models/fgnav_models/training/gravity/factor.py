@@ -105,7 +105,7 @@ def release_gravity(
     metrics : mapping of str to float
         For the card.
     """
-    seen = 2 if net.aided else 1
+    n_inputs = 2 if net.aided else 1
     inputs = (
         factor_input("f_b_mps2", "accelerometer", RATE_HZ, SAMPLES),
         factor_input("v_n_mps", "velocity", VELOCITY_HZ, VELOCITIES),
@@ -120,8 +120,8 @@ def release_gravity(
         half_life_s=round(errors[0], 2),
         lasting=round(errors[1], 2),
     )
-    manifest = manifest_of(words, inputs[:seen], output, domain, origin)
-    examples = [epochs.f_b_mps2, epochs.v_n_mps][:seen]
+    manifest = manifest_of(words, inputs[:n_inputs], output, domain, origin)
+    examples = [epochs.f_b_mps2, epochs.v_n_mps][:n_inputs]
     release(GravityFactor(net), examples, manifest, words, metrics, folder, half=True)
 
 

@@ -1,4 +1,4 @@
-"""What the gravity networks see, and what physics alone makes of it.
+"""Inputs of the gravity networks, and estimates of gravity by physics alone.
 
 The course frame ``c`` is level: x along the horizontal velocity, y to its right, z down. Nothing of
 the heading enters, which gravity does not depend on.
@@ -21,7 +21,7 @@ _SMALL_MPS2, _SMALL_MPS = 0.2, 0.1
 
 
 class Motion(NamedTuple):
-    """What velocities say at the window's end, in the course frame."""
+    """Velocities at the window's end, in the course frame."""
 
     velocity: torch.Tensor  # (n, 3); of the fitted parabola
     acceleration: torch.Tensor  # (n, 3); of the same
@@ -72,7 +72,7 @@ class CourseMotion(nn.Module):  # type: ignore[misc]  # mypy skips torch
 
 
 def directions(f_b_mps2: torch.Tensor, motion: Motion | None) -> torch.Tensor:
-    """Return what each piece of physics has for down in body axes, (n, 1 or 4, 3).
+    """Return each physical estimate of down in body axes, (n, 1 or 4, 3).
 
     Minus the newest specific force, of unit length; with velocities before it the attitude that
     brings this force to the acceleration less gravity, the nose as near the velocity as that
@@ -95,7 +95,7 @@ def directions(f_b_mps2: torch.Tensor, motion: Motion | None) -> torch.Tensor:
 
 
 def inputs(f_b_mps2: torch.Tensor, motion: Motion | None) -> torch.Tensor:
-    """Return what the layers see of windows, (n, d), not yet scaled."""
+    """Return the features of windows, (n, d), not yet scaled."""
     n = f_b_mps2.shape[0]
     averages = f_b_mps2.reshape(n, SAMPLES // _AVERAGED, _AVERAGED, 3).mean(dim=2).flatten(1)
     newest, size = f_b_mps2[:, -_AVERAGED:].flatten(1), f_b_mps2.norm(dim=2)

@@ -1,4 +1,4 @@
-"""How good a gravity network is on flights it never saw, by kind of flight, as tables of a card."""
+"""Accuracy of a gravity network on flights it never saw, by kind of flight, as tables of a card."""
 
 from dataclasses import dataclass
 
@@ -46,7 +46,7 @@ class Answers:
         with torch.no_grad():
             for first in range(0, len(rows), _CHUNK):
                 chunk = slice(first, first + _CHUNK)
-                answer = net(*(one[chunk] for one in rows.seen(aided=net.aided)))
+                answer = net(*(tensor[chunk] for tensor in rows.seen(aided=net.aided)))
                 g_b.append(answer[0].double().numpy())
                 covariance.append(answer[1].double().numpy())
         return cls(g_b=np.concatenate(g_b), covariance=np.concatenate(covariance))
@@ -82,23 +82,23 @@ def by_kind(
     squared = np.einsum("ni,ni->n", error, np.linalg.solve(P, error[:, :, None])[:, :, 0])
     rows, rng = [], np.random.default_rng(0)
     for k, kind in enumerate(PHASES):
-        own = within & (epochs.phase == k)
-        share = own.sum() / max((epochs.phase == k).sum(), 1)
-        if own.sum() < _LEAST:
+        of_kind = within & (epochs.phase == k)
+        share = of_kind.sum() / max((epochs.phase == k).sum(), 1)
+        if of_kind.sum() < _LEAST:
             rows.append([kind, f"{100 * share:.0f} %", *["–"] * 5])
             continue
-        gain = _gain(error[own], P[own], epochs.flight[own], rng)
+        gain = _gain(error[of_kind], P[of_kind], epochs.flight[of_kind], rng)
         rows.append(
             [
                 kind,
                 f"{100 * share:.0f} %",
-                *(f"{rms(one[own]):.2f}" for one in degrees.values()),
-                f"{squared[own].mean() / 2:.2f}",
+                *(f"{rms(errors[of_kind]):.2f}" for errors in degrees.values()),
+                f"{squared[of_kind].mean() / 2:.2f}",
                 f"{gain.value:+.2f} ({gain.low:+.2f} to {gain.high:+.2f})",
             ]
         )
     heads = ("kind", "answered", *(f"{name}, RMS deg" for name in degrees), "NEES of 1")
-    metrics = {f"{name}, RMS deg": rms(one[within]) for name, one in degrees.items()}
+    metrics = {f"{name}, RMS deg": rms(errors[within]) for name, errors in degrees.items()}
     metrics |= {
         "windows answered, %": 100.0 * float(within.mean()),
         "network, NEES of 1": float(squared[within].mean() / 2),
@@ -108,10 +108,10 @@ def by_kind(
 
 def _gain(error: FloatArray, P: FloatArray, flight: IntArray, rng: np.random.Generator) -> Interval:
     """Return the difference of mean NLL per flight, network less the best constant covariance."""
-    own, constant = (_nll(error, one) for one in (P, error.T @ error / len(error)))
+    nll, constant = (_nll(error, covariance) for covariance in (P, error.T @ error / len(error)))
     _, number = np.unique(flight, return_inverse=True)
     counts = np.bincount(number)
-    return pooled(np.bincount(number, own - constant) / counts, rng, squared=False)
+    return pooled(np.bincount(number, nll - constant) / counts, rng, squared=False)
 
 
 def _nll(error: FloatArray, P: FloatArray) -> FloatArray:
@@ -132,32 +132,32 @@ def free_flight(net: GravityNet, epochs: GravityEpochs, world: GravityWorld) -> 
     """
     rocket = PHASES.index("rocket")
     coast = np.abs(epochs.f_b_mps2[:, :, 0]).max(axis=1) < GRAVITY_MPS2
-    own = epochs[(epochs.phase == rocket) & coast]
-    if len(own) < _LEAST:
+    coasting = epochs[(epochs.phase == rocket) & coast]
+    if len(coasting) < _LEAST:
         return "None of the windows is of one."
-    answers = Answers.of(net, own)
+    answers = Answers.of(net, coasting)
     with torch.no_grad():
-        motion = CourseMotion()(torch.from_numpy(own.v_n_mps).double())
+        motion = CourseMotion()(torch.from_numpy(coasting.v_n_mps).double())
     velocity, mean = motion.velocity.numpy(), motion.mean_force().numpy()
     n, bias_mps2 = VELOCITIES, world.imu.accelerometer_bias_mps2
     slope = np.sqrt(12 / (n * (n**2 - 1))) * VELOCITY_HZ * world.velocity_noise_mps[0]
     force = np.linalg.norm(np.cross(mean, velocity), axis=1) / np.linalg.norm(velocity, axis=1)
     roll = np.minimum(np.hypot(slope, bias_mps2) / force, np.pi / np.sqrt(3))
     winds = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
-    wind = np.sqrt(np.mean([np.square(np.linspace(*one)).mean() for one in winds]) / 2)
+    wind = np.sqrt(np.mean([np.square(np.linspace(*wind)).mean() for wind in winds]) / 2)
     speed = np.linalg.norm(velocity, axis=1)
     level, steep = velocity[:, 0] / speed, velocity[:, 2] / speed
     across = level * np.sin(np.minimum(roll, np.pi / 2))
     bound = np.degrees(np.sqrt(across**2 + 2 * (steep * np.minimum(wind / speed, 1.0)) ** 2))
-    degrees, stated = angles_deg(answers.g_b, own.g_b), np.degrees(answers.sigma_rad)
+    degrees, stated = angles_deg(answers.g_b, coasting.g_b), np.degrees(answers.sigma_rad)
     rows = [
         [
-            f"{bound[part].min():.1f} to {bound[part].max():.1f}",
-            f"{rms(bound[part]):.1f}",
-            f"{rms(degrees[part]):.1f}",
-            f"{np.sqrt(2) * rms(stated[part]):.1f}",
+            f"{bound[bin_rows].min():.1f} to {bound[bin_rows].max():.1f}",
+            f"{rms(bound[bin_rows]):.1f}",
+            f"{rms(degrees[bin_rows]):.1f}",
+            f"{np.sqrt(2) * rms(stated[bin_rows]):.1f}",
         ]
-        for part in np.array_split(np.argsort(bound), _BINS)
+        for bin_rows in np.array_split(np.argsort(bound), _BINS)
     ]
     heads = ("bound, deg", "its RMS", "network's error, RMS", "stated")
     return markdown_table(heads, rows)
@@ -168,10 +168,10 @@ def flown_scenario(name: str, count: int, seed: list[int]) -> list[Flight]:
     fixes = FixesTable(rate_hz=VELOCITY_HZ)
     scenario = msgspec.structs.replace(load_scenario(name), gnss=None, fixes=fixes)
     rngs = np.random.default_rng(seed).spawn(count)
-    return [one.flight for one in simulate_many(scenario, rngs)]
+    return [flight.flight for flight in simulate_many(scenario, rngs)]
 
 
-def calibrated(found: dict[str, Calibration]) -> str:
+def calibrated(calibration: dict[str, Calibration]) -> str:
     """Return a table of calibrations by name.
 
     "Together" is the NEES of the mean of a flight's answers, counted as the factor counts them.
@@ -179,15 +179,15 @@ def calibrated(found: dict[str, Calibration]) -> str:
     rows = [
         [
             name,
-            f"{one.count} of {one.count + one.outside}",
-            f"{one.network.nees:.2f}",
-            f"{one.network.nll:.2f}",
-            f"{one.constant.nll:.2f}",
-            f"{np.degrees(one.network.energy):.2f}",
-            f"{np.degrees(one.constant.energy):.2f}",
-            f"{one.together[0]:.2f}",
+            f"{figure.count} of {figure.count + figure.outside}",
+            f"{figure.network.nees:.2f}",
+            f"{figure.network.nll:.2f}",
+            f"{figure.constant.nll:.2f}",
+            f"{np.degrees(figure.network.energy):.2f}",
+            f"{np.degrees(figure.constant.energy):.2f}",
+            f"{figure.together[0]:.2f}",
         ]
-        for name, one in found.items()
+        for name, figure in calibration.items()
     ]
     heads = ("flights", "answers", "NEES of 1", "NLL", "constant's", "energy, deg", "constant's")
     return markdown_table((*heads, "together"), rows)

@@ -41,15 +41,15 @@ class PaperGravity(nn.Module):  # type: ignore[misc]  # mypy skips torch
     """
 
     def __init__(
-        self, architecture: Architecture, seen: torch.Tensor, wanted: torch.Tensor, seed: int
+        self, architecture: Architecture, tensor: torch.Tensor, wanted: torch.Tensor, seed: int
     ) -> None:
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
-        for name, values in (("input", seen.reshape(-1, 3)), ("output", wanted)):
+        for name, values in (("input", tensor.reshape(-1, 3)), ("output", wanted)):
             low, high = values.amin(dim=0), values.amax(dim=0)
             self.register_buffer(f"{name}_low", low)
             self.register_buffer(f"{name}_range", (high - low).clamp_min(_TINY))
-        self.layers = Layers(architecture, 1, (seen.shape[1], 3), 3, generator)
+        self.layers = Layers(architecture, 1, (tensor.shape[1], 3), 3, generator)
 
     def forward(self, f_b_mps2: torch.Tensor) -> torch.Tensor:
         """Return gravity scaled to 0 … 1, (n, 3), of windows, (n, k, 3)."""
@@ -84,8 +84,8 @@ class GravityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         super().__init__()
         generator = torch.Generator().manual_seed(seed)
         self.aided, self.course = aided, CourseMotion()
-        seen = (torch.ones((1, SAMPLES, 3)), torch.ones((1, VELOCITIES, 3)))[: 2 if aided else 1]
-        d, physics = inputs(seen[0], self.motion(*seen[1:])).shape[1], 4 if aided else 1
+        example = (torch.ones((1, SAMPLES, 3)), torch.ones((1, VELOCITIES, 3)))[: 2 if aided else 1]
+        d, physics = inputs(example[0], self.motion(*example[1:])).shape[1], 4 if aided else 1
         sizes = pairwise((d, *[width] * _LAYERS, 9 + physics))
         self.dense = nn.ModuleList(StackedDense(1, i, o, generator) for i, o in sizes)
         self.register_buffer("offset", torch.zeros(d))
@@ -104,9 +104,9 @@ class GravityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         """Return the inputs of windows in standard deviations of training, (n, d)."""
         return (inputs(f_b_mps2, motion) - self.offset) / self.spread
 
-    def scale_inputs(self, *seen: torch.Tensor) -> None:
+    def scale_inputs(self, *tensor: torch.Tensor) -> None:
         """Take offset and spread of the inputs from training windows, as ``forward`` takes them."""
-        x = inputs(seen[0], self.motion(*seen[1:]))
+        x = inputs(tensor[0], self.motion(*tensor[1:]))
         self.offset.copy_(x.mean(dim=0))
         self.spread.copy_(x.std(dim=0).clamp_min(_TINY))
 
@@ -145,9 +145,9 @@ def deviation(
     g_b, covariance = answer
     axes = _axes_across(g_b)
     cosine = (g_b * true_b).sum(dim=1, keepdim=True)
-    apart = torch.einsum("nij,nj->ni", axes, true_b)
-    sine = apart.norm(dim=1, keepdim=True).clamp_min(_TINY)
-    error = apart * torch.atan2(sine, cosine) / sine
+    components = torch.einsum("nij,nj->ni", axes, true_b)
+    sine = components.norm(dim=1, keepdim=True).clamp_min(_TINY)
+    error = components * torch.atan2(sine, cosine) / sine
     C = axes @ covariance @ axes.transpose(1, 2)
     product = C[:, 0, 0] * C[:, 1, 1]
     determinant = torch.maximum(product - C[:, 0, 1] ** 2, _ROUNDING * product)
@@ -175,11 +175,11 @@ def _triangle(numbers: torch.Tensor) -> torch.Tensor:
     a, b, c = scale.unbind(dim=1)
     p, q, r = numbers[:, 3:].unbind(dim=1)
     rows = [(a, none, none), (p * a, b, none), (q * a, r * b, c)]
-    return torch.stack([torch.stack(row, dim=1) for row in rows], dim=1)
+    return torch.stack([torch.stack(entries, dim=1) for entries in rows], dim=1)
 
 
 def _axes_across(g_b: torch.Tensor) -> torch.Tensor:
     """Return two unit vectors across each unit vector, (n, 2, 3)."""
-    least = torch.eye(3).to(g_b)[g_b.abs().argmin(dim=1)]
-    first = unit(cross(g_b, least))
+    axis = torch.eye(3).to(g_b)[g_b.abs().argmin(dim=1)]
+    first = unit(cross(g_b, axis))
     return torch.stack([first, cross(g_b, first)], dim=1)

@@ -53,17 +53,19 @@ def run_paper(study: PaperStudy, world: GravityWorld, seed: int, order: Order) -
         If the time was up before the end.
     """
     epochs = draw(world, study.samples, seed=[seed, _DATA])
-    found = []
+    records = []
     for by in study.splits:
         rows = split(epochs.flight, study.shares, by, seed)
-        bench = _Bench(parts=tuple(epochs[part] for part in rows), by=by, order=order, errors={})
+        bench = _Bench(parts=tuple(epochs[row] for row in rows), by=by, order=order, errors={})
         three_phases(study.grid, study.start, "regression", bench.score)
-        where, apart = f"unseen {by}", epochs[rows[2]]
-        found += [[name, where, "RMS deg", f"{error:.4g}"] for name, error in bench.errors.items()]
+        where, unseen = f"unseen {by}", epochs[rows[2]]
+        records += [
+            [name, where, "RMS deg", f"{error:.4g}"] for name, error in bench.errors.items()
+        ]
         for name in BASELINES:
-            error = rms(angles_deg(baseline(name, apart), apart.g_b))
-            found.append([name, where, "RMS deg", f"{error:.4g}"])
-    return found
+            error = rms(angles_deg(baseline(name, unseen), unseen.g_b))
+            records.append([name, where, "RMS deg", f"{error:.4g}"])
+    return records
 
 
 class _Outcome(msgspec.Struct, frozen=True):
@@ -84,29 +86,30 @@ class _Bench:
 
     def score(self, name: str, experiment: Experiment) -> float:
         """Return minus the error on the validation windows; what a folder holds is taken."""
-        place = f"paper by {self.by}/{name}"
-        done = made_folder(self.order.out / place) / "outcome.json"
+        name_of_run = f"paper by {self.by}/{name}"
+        done = made_folder(self.order.out / name_of_run) / "outcome.json"
         if done.exists():
             outcome = msgspec.json.decode(done.read_bytes(), type=_Outcome)
         else:
-            net = self._trained(place, experiment)
-            outcome = _Outcome(*(_error_deg(net, part, experiment) for part in self.parts[1:]))
+            net = self._trained(name_of_run, experiment)
+            outcome = _Outcome(*(_error_deg(net, subset, experiment) for subset in self.parts[1:]))
             write_text(done, msgspec.json.encode(outcome).decode() + "\n")
         self.errors[name] = outcome.test_deg
         return -outcome.validation_deg
 
     def _trained(self, place: str, experiment: Experiment) -> PaperGravity:
         order = self.order
-        seen, held = (
-            tuple(t.to(order.device) for t in _gravity(part, experiment)) for part in self.parts[:2]
+        training, held = (
+            tuple(t.to(order.device) for t in _gravity(subset, experiment))
+            for subset in self.parts[:2]
         )
-        net = PaperGravity(experiment.architecture, seen[0], seen[1], experiment.seed)
+        net = PaperGravity(experiment.architecture, training[0], training[1], experiment.seed)
         net.to(order.device)
-        steps = max(1, ceil(experiment.passes * len(seen[0]) / experiment.batch))
+        steps = max(1, ceil(experiment.passes * len(training[0]) / experiment.batch))
         order.train(
             place,
             net,
-            Drawn(tensors=seen, batch=experiment.batch, seed=experiment.seed),
+            Drawn(tensors=training, batch=experiment.batch, seed=experiment.seed),
             _loss,
             Settings(
                 steps=steps,

@@ -53,7 +53,7 @@ class Learned(Table, frozen=True):
 
 
 class Training(Learning, frozen=True):
-    """How the networks to be released are made."""
+    """Recipe of the networks to be released."""
 
     # windows, held_out: to learn from; to calibrate on, and as many to test on, of other flights
     windows: Count = 400_000
@@ -66,7 +66,7 @@ class Training(Learning, frozen=True):
 
 
 class Recipe(Table, frozen=True):
-    """What to train: the paper's networks, if any, then those to release, all in one world."""
+    """Recipe: the paper's networks, if any, then those to release, all in one world."""
 
     world: GravityWorld
     paper: PaperStudy | None = None
@@ -81,7 +81,11 @@ def run(order: Order) -> list[str]:
     rows, flights = [], _Flights(recipe)
     if recipe.paper is not None:
         rows = run_paper(recipe.paper, recipe.world, recipe.seed, order)
-    rows += [row for one in recipe.network for row in _learn(one, recipe, flights, order)]
+    rows += [
+        record
+        for net_recipe in recipe.network
+        for record in _learn(net_recipe, recipe, flights, order)
+    ]
     return order.report(("network", "tried on", "figure", "value"), rows)
 
 
@@ -119,7 +123,7 @@ def _trained(learned: Learned, recipe: Recipe, flights: _Flights, order: Order) 
     epochs, held = flights(_TRAIN), flights(_CALIBRATE)
     net = GravityNet(aided=aided, width=how.width, seed=seed)
     net.to(order.device)
-    learn, judge = (_tensors(one, order.device, aided=aided) for one in (epochs, held))
+    learn, judge = (_tensors(rows, order.device, aided=aided) for rows in (epochs, held))
     net.scale_inputs(*(tensor[:_SCALED] for tensor in learn[:-1]))
     batches = Drawn(tensors=learn, batch=how.batch, seed=seed, mirrored=True)
     how.train(order, name, net, batches, negative_log_likelihood, judge, seed)
@@ -150,12 +154,12 @@ def _tensors(epochs: GravityEpochs, device: str, *, aided: bool) -> tuple[torch.
 
 
 def _domain(net: GravityNet, epochs: GravityEpochs, how: Training) -> tuple[Statistic, ...]:
-    """Return what figures span over windows that are answered, and the largest sigma."""
+    """Return the range of figures over answered windows, and the largest sigma."""
     rows, most_rad = Rows.of(epochs[:_SCALED]), float(np.radians(how.most_sigma_deg))
-    seen = rows.seen(aided=net.aided)
+    inputs = rows.seen(aided=net.aided)
     with torch.no_grad():
-        covariance = net(*seen)[1]
-        figures = figures_of_windows(net, seen[0], net.motion(*seen[1:]), covariance)
+        covariance = net(*inputs)[1]
+        figures = figures_of_windows(net, inputs[0], net.motion(*inputs[1:]), covariance)
     within = figures[SIGMA] <= most_rad
     spans = how.domain(UNITS, {k: x[within].numpy() for k, x in figures.items()}, CALM)
     limit = Statistic(name=SIGMA, unit=UNITS[SIGMA], range=(0.0, round(most_rad, 4)))
@@ -169,29 +173,29 @@ def _release(
 
     Returns the figures of its card.
     """
-    how, world, words, apart = recipe.training, recipe.world, learned.release, drawn(_TEST)
+    how, world, words, unseen = recipe.training, recipe.world, learned.release, drawn(_TEST)
     domain = _domain(net, drawn(_CALIBRATE), how)
-    table, metrics = by_kind(net, apart, np.radians(how.most_sigma_deg))
+    table, metrics = by_kind(net, unseen, np.radians(how.most_sigma_deg))
     content = {key: said(getattr(recipe, key)) for key in ("world", "training")}
     origin = made_with(recipe.seed, content | {"aided": net.aided}, metrics, order)
 
     def write(words: Release, errors: tuple[float, float]) -> None:
-        release_gravity(net, apart, words, errors, domain, metrics, order.out, origin)
+        release_gravity(net, unseen, words, errors, domain, metrics, order.out, origin)
 
     write(words, (0.0, 0.0))
     manifest = order.out / f"{words.name}.json"
     kinds = tuple(kind for kind in PHASES if kind != "vacuum" and getattr(world.phases, kind))
     rngs = np.random.default_rng([recipe.seed, _FOLLOWED]).spawn(how.followed)
     followed = [gravity_flight(world, kinds[k % len(kinds)], rng=rng) for k, rng in enumerate(rngs)]
-    found = calibration([NeuralFactor(manifest)] * len(followed), followed)
-    errors = found.half_life_s, found.lasting
+    measured = calibration([NeuralFactor(manifest)] * len(followed), followed)
+    errors = measured.half_life_s, measured.lasting
     write(words, errors)
-    judged = {"all kinds alike": followed} | {
-        name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, row])
-        for row, name in enumerate(SCENARIOS)
+    evaluated = {"all kinds alike": followed} | {
+        name: flown_scenario(name, how.flown, [recipe.seed, _SCENARIOS, index])
+        for index, name in enumerate(SCENARIOS)
     }
     bodies = {}
-    for name, flights in judged.items():
+    for name, flights in evaluated.items():
         with suppress(BadInputError):  # of flights of which it answers fewer than three windows
             bodies[name] = calibration([NeuralFactor(manifest)] * len(flights), flights)
     notes = {
@@ -199,7 +203,7 @@ def _release(
         "As a factor, on flights of the world and of the simulator's scenarios": calibrated(bodies),
     }
     if net.aided:
-        notes["A coasting rocket"] = free_flight(net, apart, world)
+        notes["A coasting rocket"] = free_flight(net, unseen, world)
     words = msgspec.structs.replace(words, notes=words.notes | notes)
     write(words, errors)
     return metrics
