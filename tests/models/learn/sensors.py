@@ -13,7 +13,7 @@ from fgnav_models import learn
 from tests.models.learn.small import RATE_HZ, flown
 from tests.turns import GYROSCOPE
 
-OVER_S = 1.0
+OVER_S, SIGMA = 1.0, 0.02
 
 
 def said(flight, measures, frame, rng):
@@ -38,7 +38,7 @@ def said(flight, measures, frame, rng):
             "height": -now.p_n_m[:, 2:],
             "position": now.p_n_m,
         }[measures]
-    return t_s, values + 0.02 * rng.standard_normal(values.shape)
+    return t_s, values + SIGMA * rng.standard_normal(values.shape)
 
 
 class Sensor(torch.nn.Module):
@@ -78,6 +78,18 @@ CASES = [
 ]
 UNIT = ("attitude", "direction")
 FREEDOM = {"heading": 1, "speed": 1, "height": 1}
+CHANNELS = {"attitude": 4, "heading": 2}
+
+
+def sensed(module, flight, measures, frame, rng, **more):
+    """Return a module's factor, with the record that it sees."""
+    t_s, values = said(flight, measures, frame, rng)
+    seen = learn.input_of("sensor", values[:, None], RATE_HZ, unit="unit", frame=frame)
+    d = values.shape[1]
+    plain = {"mean": (0.0,) * d, "scale": (1.0,) * d, "range": ((-1e4, 1e4),) * d}
+    inputs = [msgspec.structs.replace(seen, **plain)]
+    record = Record(t_s=t_s, values=values, unit="unit", frame=frame)
+    return learn.factor(module, measures, inputs, frame=frame, records={"sensor": record}, **more)
 
 
 def drawn(seed, *, gyroscope=True):
@@ -86,23 +98,9 @@ def drawn(seed, *, gyroscope=True):
     figures = {"accelerometer_noise_mps2_per_sqrt_hz": 0.01}
     if not gyroscope:
         figures |= dict.fromkeys(GYROSCOPE)
-    flight = flown(seed, duration_s=8.0, **figures)
-    rng = np.random.default_rng(seed)
-    t_s, values = said(flight, measures, frame, rng)
-    record = Record(t_s=t_s, values=values, unit="unit", frame=frame)
-    seen = learn.input_of("sensor", values[:, None], RATE_HZ, unit="unit", frame=frame)
-    d = values.shape[1]
-    plain = {"mean": (0.0,) * d, "scale": (1.0,) * d, "range": ((-1e4, 1e4),) * d}
+    flight, rng = flown(seed, duration_s=8.0, **figures), np.random.default_rng(seed)
     f = FREEDOM.get(measures, 3)
-    module = Sensor(d, f * (f + 1) // 2 if form == "cholesky" else f, seed, unit=measures in UNIT)
-    factor = learn.factor(
-        module,
-        measures,
-        [msgspec.structs.replace(seen, **plain)],
-        covariance=form,
-        frame=frame,
-        records={"sensor": record},
-        **more,
-    )
-    trained = learn.training_flight(flight, Batch(noise="nominal"))
-    return trained, factor, module, rng
+    uncertain = f * (f + 1) // 2 if form == "cholesky" else f
+    module = Sensor(CHANNELS.get(measures, f), uncertain, seed, unit=measures in UNIT)
+    factor = sensed(module, flight, measures, frame, rng, covariance=form, **more)
+    return learn.training_flight(flight, Batch(noise="nominal")), factor, module, rng

@@ -10,7 +10,6 @@ from fgnav_sim.scenario import FixesTable
 from tests.turns import turning
 
 RATE_HZ, WINDOW = 10.0, 3
-WIND_SIGMA_MPS = 0.5  # of each axis
 
 
 def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
@@ -24,7 +23,7 @@ def wind(flight, seed):
     t_s = np.arange(truth.t_s[0], truth.t_s[-1], 1 / RATE_HZ)
     rows = np.searchsorted(truth.t_s, t_s).clip(0, len(truth.t_s) - 1)
     v_b = np.einsum("nji,nj->ni", truth.R_nb[rows], truth.v_n_mps[rows])
-    noisy = v_b + WIND_SIGMA_MPS * rng.standard_normal(v_b.shape)
+    noisy = v_b + 0.5 * rng.standard_normal(v_b.shape)
     return Record(t_s=t_s, values=noisy, unit="m/s", frame="b")
 
 
