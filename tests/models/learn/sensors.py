@@ -2,7 +2,6 @@
 
 import msgspec
 import numpy as np
-import torch
 from scipy.spatial.transform import Rotation
 
 from fgnav import Batch
@@ -10,7 +9,7 @@ from fgnav.evaluation.reference import truth_at
 from fgnav.geometry.rotations import transpose
 from fgnav.neural.records import Record
 from fgnav_models import learn
-from tests.models.learn.small import RATE_HZ, flown
+from tests.models.learn.small import RATE_HZ, Sensor, flown
 from tests.turns import GYROSCOPE
 
 OVER_S, SIGMA = 1.0, 0.02
@@ -39,28 +38,6 @@ def said(flight, measures, frame, rng):
             "position": now.p_n_m,
         }[measures]
     return t_s, values + SIGMA * rng.standard_normal(values.shape)
-
-
-class Sensor(torch.nn.Module):
-    """The last sample, a little off, and an uncertainty that changes with it."""
-
-    def __init__(self, channels, uncertain, seed, *, unit):
-        super().__init__()
-        self.unit = unit
-        torch.manual_seed(seed)
-        self.off = torch.nn.Parameter(0.05 * torch.randn(channels))
-        self.gain = torch.nn.Parameter(torch.tensor(1.01))
-        self.uncertain = torch.nn.Parameter(0.3 * torch.randn(uncertain) - 1.0)
-        self.double()
-
-    def forward(self, x):
-        last = x[:, -1]
-        uncertain = self.uncertain + 0.3 * torch.tanh(last.mean(dim=1, keepdim=True))
-        if len(self.uncertain) == 6:
-            diagonal = torch.tensor([True, False, True, False, False, True])
-            uncertain = torch.where(diagonal, uncertain.exp(), 0.3 * uncertain)
-        answer = self.gain * last + self.off
-        return answer / answer.norm(dim=1, keepdim=True) if self.unit else answer, uncertain
 
 
 CASES = [

@@ -27,25 +27,26 @@ def wind(flight, seed):
     return Record(t_s=t_s, values=noisy, unit="m/s", frame="b")
 
 
-class Airspeed(torch.nn.Module):
-    """The window's mean, a little off, and what is asked for of how sure it is."""
+class Sensor(torch.nn.Module):
+    """The last sample, a little off, and an uncertainty that changes with it."""
 
-    def __init__(self, uncertain=3, seed=1):
+    def __init__(self, channels=3, uncertain=3, seed=1, *, unit=False):
         super().__init__()
+        self.unit = unit
         torch.manual_seed(seed)
-        self.off = torch.nn.Linear(3, 3)
-        self.uncertain = torch.nn.Linear(3, uncertain)
-        self.off.weight.data *= 0.05
-        self.uncertain.weight.data *= 0.1
+        self.off = torch.nn.Parameter(0.05 * torch.randn(channels))
+        self.gain = torch.nn.Parameter(torch.tensor(1.01))
+        self.uncertain = torch.nn.Parameter(0.3 * torch.randn(uncertain) - 1.0)
         self.double()
 
     def forward(self, x):
-        mean = x.mean(dim=1)
-        uncertain = self.uncertain(mean) - 0.5
-        if uncertain.shape[1] == 6:  # the diagonal of a Cholesky factor
+        last = x[:, -1]
+        uncertain = self.uncertain + 0.3 * torch.tanh(last.mean(dim=1, keepdim=True))
+        if len(self.uncertain) == 6:
             diagonal = torch.tensor([True, False, True, False, False, True])
             uncertain = torch.where(diagonal, uncertain.exp(), 0.3 * uncertain)
-        return mean + self.off(mean), uncertain
+        answer = self.gain * last + self.off
+        return answer / answer.norm(dim=1, keepdim=True) if self.unit else answer, uncertain
 
 
 def plain_input():

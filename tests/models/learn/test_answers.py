@@ -10,7 +10,8 @@ from fgnav.geometry.rotations import log, transpose
 from fgnav.neural.measures import MEASURES
 from fgnav_models import learn
 from fgnav_models.learn.answers import answers_in_si
-from tests.models.learn.sensors import CASES, FREEDOM, UNIT, Sensor, drawn
+from tests.models.learn.sensors import CASES, FREEDOM, UNIT, drawn
+from tests.models.learn.small import Sensor
 
 
 @pytest.mark.parametrize(("measures", "frame", "form", "more"), CASES)
