@@ -63,15 +63,15 @@ class _MotionTerm:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _PriorTerm:
-    """What is known beforehand of the first keyframe's ``aux``."""
+    """Prior of the first keyframe's biases, or of its rate."""
 
     motion: Motion
     keyframes: IntArray
 
     def linearise(self, states: Sequence[States]) -> tuple[FloatArray, FloatArray]:
-        aux, constants = states[0].aux, states[0].constants
-        mean, rows = self.motion.prior(len(constants))
-        value = rows @ np.concatenate([aux[0] - mean, constants])
+        first = states[0]
+        mean, rows = self.motion.prior(len(first.constants))
+        value = rows @ np.concatenate([first.aux[0] - mean, first.constants])
         return value[None], np.pad(rows, ((0, 0), (AUX, 0)))[None]
 
 
@@ -102,7 +102,7 @@ def terms_of(problem: Problem) -> list[Term]:
     return [
         _MotionTerm(motion, np.stack([k, k + 1], axis=1)),
         _PriorTerm(motion, np.zeros((1, 1), np.int64)),
-        *(_SensorTerm(one, one.row[:, None]) for one in problem.sensors),
+        *(_SensorTerm(sensor, sensor.row[:, None]) for sensor in problem.sensors),
     ]
 
 
@@ -189,7 +189,7 @@ def states_of(term: Term, states: States) -> list[States]:
 
 
 class _Curvature(NamedTuple):
-    """What the change of Jacobians with the states does, of each group of a term."""
+    """Second derivatives of the residuals of a term's groups, contracted."""
 
     columns: IntArray  # (m, w)
     E: FloatArray  # ``(dJ/dx)' r``, (m, w, w)
@@ -255,8 +255,8 @@ class PosteriorCovariance:
         found = Adjoint(self._n, self._D, np.zeros(self._size), joints)
         right = np.concatenate([a.ravel(), np.zeros(self._b)])
         curvatures = [self._curvature(term, found) for term in curved]
-        for one in curvatures:
-            right -= one.summed(one.slope, self._size)
+        for curvature in curvatures:
+            right -= curvature.summed(curvature.slope, self._size)
         return Adjoint(self._n, self._D, -self._solved(right, curvatures), joints)
 
     def times(self, a: FloatArray) -> FloatArray:
@@ -290,7 +290,7 @@ class PosteriorCovariance:
         return joints[::-1][: self._n]
 
     def _curvature(self, term: Term, found: Adjoint) -> _Curvature:
-        """Return what the change of a term's Jacobians with the states does."""
+        """Compute the curvature of a term by differences of its Jacobians."""
         at, D = states_of(term, self._states), self._D
         columns, (_, M) = found.columns(term.keyframes), found.derivatives(term.keyframes)
         (m, w), end = columns.shape, len(at) * D
@@ -298,8 +298,8 @@ class PosteriorCovariance:
         slope, E, JM = np.empty((m, w)), np.empty((m, w, w)), J @ M
         for i, step in enumerate(_STEP * np.eye(w)):
             moved = [
-                one.moved(np.tile(part, (m, 1)), step[end:])
-                for one, part in zip(at, np.split(step[:end], len(at)), strict=True)
+                states.moved(np.tile(offset, (m, 1)), step[end:])
+                for states, offset in zip(at, np.split(step[:end], len(at)), strict=True)
             ]
             change = (term.linearise(moved)[1] - J) / _STEP
             slope[:, i] = 2 * np.einsum("mfw,mfw->m", change, JM)
@@ -312,9 +312,11 @@ class PosteriorCovariance:
         x = self.times(a)
 
         def curvature(v: FloatArray) -> FloatArray:
-            parts = (np.einsum("mwu,mu->mw", one.E, v[one.columns]) for one in curvatures)
-            sums = (one.summed(part, len(v)) for one, part in zip(curvatures, parts, strict=True))
-            return sum(sums, np.zeros_like(v))
+            products = (
+                term.summed(np.einsum("mwu,mu->mw", term.E, v[term.columns]), len(v))
+                for term in curvatures
+            )
+            return sum(products, np.zeros_like(v))
 
         # (1 + P E) x = P a, by conjugate gradients in the inner product of H: H p of each
         # direction is the sum of residuals that made it.

@@ -20,8 +20,10 @@ class Hyperparameters:
 
     @classmethod
     def of(cls, problem: Problem) -> "Hyperparameters":
-        """Return those of a problem."""
-        return cls(NoiseComponents.of(problem, tuple(one.name for one in problem.sensors), None))
+        """Return all factors of a problem."""
+        return cls(
+            NoiseComponents.of(problem, tuple(sensor.name for sensor in problem.sensors), None)
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -130,7 +130,7 @@ def posterior(
         custom += made
         terms += found
     states = flight.minimum(problem, custom)
-    elimination = elimination_at(problem, states, [one.factor for one in custom])
+    elimination = elimination_at(problem, states, [factor.factor for factor in custom])
     solved = _Minimum(
         problem_at,
         given,
