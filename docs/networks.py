@@ -99,6 +99,7 @@ def rows(kind: str, shared: Path) -> list[dict[str, str]]:
             made.append(row | {"failure": str(error).replace(str(ROOT), "")[-200:]})
             continue
         (answers,) = found.calibrations
+        methods = {"none": NO_NETWORK, "constant": constant_of(name), "network": name}
         figures = {
             "answers": answers.count,
             "answered": answers.answered,
@@ -116,17 +117,18 @@ def rows(kind: str, shared: Path) -> list[dict[str, str]]:
             "attitude_nees",
             "position_nees",
         ):
-            for by, method in (
-                ("none", NO_NETWORK),
-                ("constant", constant_of(name)),
-                ("network", name),
-            ):
+            for by, method in methods.items():
                 figures[f"{key}_{by}"] = found.flights.pooled(key, method).value
-            for by, method in (("none", NO_NETWORK), ("constant", constant_of(name))):
-                pair = found.worth(key, name, method)
+            for by in ("none", "constant"):
+                pair = found.worth(key, name, methods[by])
                 figures |= {f"{key}_less_{by}": pair.difference.value}
                 figures |= {f"{key}_less_{by}_low": pair.difference.low}
                 figures |= {f"{key}_less_{by}_high": pair.difference.high, "n": pair.flights}
+        figures |= {
+            f"no_minimum_{by}": sum(not one.detail["methods"][of]["converged"] for one in solved)
+            for by, of in methods.items()
+            if (solved := [one for one in found.flights.flights if of in one.detail["methods"]])
+        }
         made.append(row | {"unit": answers.unit} | {k: f"{v:.4g}" for k, v in figures.items()})
     return made
 

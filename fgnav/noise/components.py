@@ -18,7 +18,7 @@ References
    problems, Journal of the American Statistical Association 72, 1977, equation 5.5.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -157,33 +157,6 @@ class NoiseComponents:
             total.information[i, i] += 2 * float(np.einsum("kij,kji->", M, M))
         spread = (total.information + np.diag(2 * total.redundancy.clip(0))) / 2
         return total._replace(information=spread)
-
-    def traces(
-        self,
-        theta: FloatArray,
-        problem: Problem,
-        motion: FloatArray,
-        sensors: Sequence[FloatArray],
-    ) -> FloatArray:
-        """Return the sums of ``tr(C X)`` by component, (c,), of matrices X between rows.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (c,)
-        problem : Problem
-            ``problem_at(theta)``.
-        motion : ndarray, shape (n - 1, D, D)
-            X of each interval.
-        sensors : sequence of ndarray, shape (k, m, m)
-            X of each measurement, by sensor of the problem.
-        """
-        total = np.zeros(len(self.names))
-        for k, C in self._motion_shares(theta, problem):
-            total[: len(self._motion)] += np.einsum("kcij,kji->c", C, motion[k])
-        for sensor in self._sensors:
-            X = sensors[sensor.measurement][sensor.rows]
-            total[self.names.index(sensor.name)] += np.einsum("kii->", X)
-        return total
 
     def residuals(self, name: str, problem: Problem, solution: Solution) -> FloatArray:
         """Return whitened residuals of a component of a sensor, (k, m), in order of time."""

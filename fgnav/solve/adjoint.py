@@ -5,9 +5,10 @@ At the minimum x of half the squared whitened residuals r, of Jacobian J, with `
 
     dL = l' d(J' r) - <M, d(J' J)>      M = P B P      l = -(H + E)^-1 (a - d<M, J' J>/dx)
 
-where d acts with x held, ``a = dL/dx`` and ``B = dL/dP``. ``E v = (dJ/dx v)' r`` is the curvature
-that Gauss-Newton neglects; it is found by differences of J, and the system is solved by conjugate
-gradients with P for a preconditioner [1]_. P and M are those of the elimination, whose conditionals
+where d acts with x held, ``a = dL/dx`` and ``B = dL/dP``. ``E = (dJ/dx)' r`` is the curvature that
+Gauss-Newton neglects: without it gradients of means are wrong by up to a tenth. dJ/dx is found by
+differences, and the system is solved by conjugate gradients with P for a preconditioner [1]_. P
+and M are those of the elimination, whose conditionals
 ``x_k = -A x_s`` and noise Q change with the information N of a keyframe and its separators by
 
     dQ = -Q N_kk Q        dA = Q (N_ks - N_kk A)        N_next = [-A' I] N [-A; I] + B_next
@@ -17,7 +18,7 @@ References
 .. [1] Nocedal & Wright, Numerical Optimization, 2nd edition, 2006, section 5.1.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -29,7 +30,7 @@ from fgnav.graph.build import Layout
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import AUX, States
 from fgnav.solve.elimination import Elimination
 
 _STEP = 1e-5  # of differences, rad, m, m/s: about the cube root of rounding
@@ -61,6 +62,20 @@ class _MotionTerm:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _PriorTerm:
+    """Prior of the first keyframe's biases, or of its rate."""
+
+    motion: Motion
+    keyframes: IntArray
+
+    def linearise(self, states: Sequence[States]) -> tuple[FloatArray, FloatArray]:
+        first = states[0]
+        mean, rows = self.motion.prior(len(first.constants))
+        value = rows @ np.concatenate([first.aux[0] - mean, first.constants])
+        return value[None], np.pad(rows, ((0, 0), (AUX, 0)))[None]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class _SensorTerm:
     sensor: Sensor
     keyframes: IntArray
@@ -71,7 +86,7 @@ class _SensorTerm:
 
 
 def terms_of(problem: Problem) -> list[Term]:
-    """Return motion and sensors of a problem as terms.
+    """Return motion, its prior and sensors of a problem as terms.
 
     Raises
     ------
@@ -83,9 +98,12 @@ def terms_of(problem: Problem) -> list[Term]:
             "training through the smoother: carrier phase of single antennas is not "
             "differentiated; take flights with fixes"
         )
-    k = np.arange(len(problem.t_s) - 1)
-    sensors = (_SensorTerm(one, one.row[:, None]) for one in problem.sensors)
-    return [_MotionTerm(problem.motion, np.stack([k, k + 1], axis=1)), *sensors]
+    k, motion = np.arange(len(problem.t_s) - 1), problem.motion
+    return [
+        _MotionTerm(motion, np.stack([k, k + 1], axis=1)),
+        _PriorTerm(motion, np.zeros((1, 1), np.int64)),
+        *(_SensorTerm(sensor, sensor.row[:, None]) for sensor in problem.sensors),
+    ]
 
 
 class _Joint(NamedTuple):
@@ -153,15 +171,33 @@ class Adjoint:
             blocks[i][np.ix_(is_there, is_there)] = joint.M[np.ix_(places, places)]
         return self.step[columns], blocks
 
-    def between_rows(self, term: Term, states: States) -> FloatArray:
-        """Return ``r (J l)' - J M J'`` of each group of a term, (m, f, f).
+    def change(self, before: Term, after: Term, states: States) -> float:
+        """Return by how much ``r' J l - <M, J' J>`` differs between two terms, with x held.
 
-        If the information of its rows is ``1 + dW``, dL is the sum of its products with dW.
+        By products of differences and means: of large weights the sums are rounding.
         """
-        r, J = term.linearise([states.at(rows) for rows in term.keyframes.T])
-        step, M = self.derivatives(term.keyframes)
-        moved = np.einsum("mfw,mw->mf", J, step)
-        return np.asarray(r[:, :, None] * moved[:, None, :] - J @ M @ J.swapaxes(1, 2))
+        (r, J), (s, K) = (term.linearise(states_of(term, states)) for term in (before, after))
+        step, M = self.derivatives(before.keyframes)
+        dr, dJ, r, J = s - r, K - J, (r + s) / 2, (J + K) / 2
+        moved = np.einsum("mf,mfw->mw", dr, J) + np.einsum("mf,mfw->mw", r, dJ)
+        return float((moved * step).sum() - 2 * ((J @ M) * dJ).sum())
+
+
+def states_of(term: Term, states: States) -> list[States]:
+    """Return the states of a term's groups, keyframe by keyframe."""
+    return [states.at(rows) for rows in term.keyframes.T]
+
+
+class _Curvature(NamedTuple):
+    """Second derivatives of the residuals of a term's groups, contracted."""
+
+    columns: IntArray  # (m, w)
+    E: FloatArray  # ``(dJ/dx)' r``, (m, w, w)
+    slope: FloatArray  # ``d<M, J' J>/dx``, (m, w)
+
+    def summed(self, values: FloatArray, size: int) -> FloatArray:
+        """Return values of the groups' columns, (m, w), added up by column."""
+        return np.asarray(np.bincount(self.columns.ravel(), values.ravel(), size), np.float64)
 
 
 class PosteriorCovariance:
@@ -198,9 +234,7 @@ class PosteriorCovariance:
             inverse = np.linalg.inv(one.R())
             self._conditionals.append(_Conditional(columns, inverse @ one.S(), inverse @ inverse.T))
 
-    def adjoint(
-        self, a: FloatArray, B: FloatArray, terms: Sequence[Term], curved: Sequence[Term]
-    ) -> Adjoint:
+    def adjoint(self, a: FloatArray, B: FloatArray, curved: Sequence[Term]) -> Adjoint:
         """Return the adjoint of a function of the minimum and of keyframes' covariances.
 
         Parameters
@@ -209,10 +243,8 @@ class PosteriorCovariance:
             Its derivative by the keyframes' tangents.
         B : ndarray, shape (n, D, D)
             That by their covariances, symmetric.
-        terms : sequence of Term
-            Whose change of Jacobians with the states counts in the covariance.
         curved : sequence of Term
-            Whose curvature counts in the mean; of none both are Gauss-Newton's.
+            Whose Jacobians change with the states; of none mean and covariance are Gauss-Newton's.
 
         Raises
         ------
@@ -222,9 +254,10 @@ class PosteriorCovariance:
         joints = self._joints(B)
         found = Adjoint(self._n, self._D, np.zeros(self._size), joints)
         right = np.concatenate([a.ravel(), np.zeros(self._b)])
-        for term in terms:
-            right -= self._slope(term, found)
-        return Adjoint(self._n, self._D, -self._solved(right, curved, found.columns), joints)
+        curvatures = [self._curvature(term, found) for term in curved]
+        for curvature in curvatures:
+            right -= curvature.summed(curvature.slope, self._size)
+        return Adjoint(self._n, self._D, -self._solved(right, curvatures), joints)
 
     def times(self, a: FloatArray) -> FloatArray:
         """Return ``P a``, (n D + b,)."""
@@ -256,43 +289,34 @@ class PosteriorCovariance:
             joints.append(above)
         return joints[::-1][: self._n]
 
-    def _slope(self, term: Term, found: Adjoint) -> FloatArray:
-        """Return the derivative of ``<M, J' J>`` by the states, of one term."""
-        at, D = self._states_of(term, self._states), self._D
-        _, M = found.derivatives(term.keyframes)
-        columns, slope = found.columns(term.keyframes), np.zeros(self._size)
-        m, end = len(columns), len(at) * D
-        _, J = term.linearise(at)
-        JM = np.einsum("mfw,mwu->mfu", J, M, optimize=True)
-        for column, step in zip(columns.T, _STEP * np.eye(columns.shape[1]), strict=True):
-            parts = np.split(step[:end], len(at))
+    def _curvature(self, term: Term, found: Adjoint) -> _Curvature:
+        """Compute the curvature of a term by differences of its Jacobians."""
+        at, D = states_of(term, self._states), self._D
+        columns, (_, M) = found.columns(term.keyframes), found.derivatives(term.keyframes)
+        (m, w), end = columns.shape, len(at) * D
+        r, J = term.linearise(at)
+        slope, E, JM = np.empty((m, w)), np.empty((m, w, w)), J @ M
+        for i, step in enumerate(_STEP * np.eye(w)):
             moved = [
-                one.moved(np.tile(part, (m, 1)), step[end:])
-                for one, part in zip(at, parts, strict=True)
+                states.moved(np.tile(offset, (m, 1)), step[end:])
+                for states, offset in zip(at, np.split(step[:end], len(at)), strict=True)
             ]
-            change = term.linearise(moved)[1] - J
-            np.add.at(slope, column, 2 / _STEP * np.einsum("mfw,mfw->m", change, JM))
-        return slope
+            change = (term.linearise(moved)[1] - J) / _STEP
+            slope[:, i] = 2 * np.einsum("mfw,mfw->m", change, JM)
+            E[:, :, i] = np.einsum("mfw,mf->mw", change, r)
+        # Its antisymmetric part is that of tangents, and at a minimum none in the sum of all terms.
+        return _Curvature(columns, (E + E.swapaxes(1, 2)) / 2, slope)
 
-    def _solved(
-        self, a: FloatArray, terms: Sequence[Term], columns: Callable[[IntArray], IntArray]
-    ) -> FloatArray:
-        """Return ``(H + E)^-1 a``, E of some terms."""
+    def _solved(self, a: FloatArray, curvatures: Sequence[_Curvature]) -> FloatArray:
+        """Return ``(H + E)^-1 a``."""
         x = self.times(a)
-        if not (terms and a.any()):
-            return x
-        values = [(term, term.linearise(self._states_of(term, self._states))[0]) for term in terms]
 
         def curvature(v: FloatArray) -> FloatArray:
-            total, h = np.zeros_like(v), _STEP / np.abs(v).max()
-            for sign in (h, -h):
-                steps, constants = np.split(sign * v, [self._n * self._D])
-                moved = self._states.moved(steps.reshape(self._n, self._D), constants)
-                for term, r in values:
-                    J = term.linearise(self._states_of(term, moved))[1]
-                    along = np.einsum("mfw,mf->mw", J, r) / (2 * sign)
-                    np.add.at(total, columns(term.keyframes), along)
-            return total
+            products = (
+                term.summed(np.einsum("mwu,mu->mw", term.E, v[term.columns]), len(v))
+                for term in curvatures
+            )
+            return sum(products, np.zeros_like(v))
 
         # (1 + P E) x = P a, by conjugate gradients in the inner product of H: H p of each
         # direction is the sum of residuals that made it.
@@ -313,10 +337,6 @@ class PosteriorCovariance:
             previous, squares = squares, float(left @ z)
             p, Hp = z + squares / previous * p, left + squares / previous * Hp
         raise NoSolutionError("state: the search ended at no minimum: nothing is learned there")
-
-    @staticmethod
-    def _states_of(term: Term, states: States) -> list[States]:
-        return [states.at(rows) for rows in term.keyframes.T]
 
 
 def _places(columns: IntArray, wanted: IntArray) -> IntArray:

@@ -21,7 +21,7 @@ from fgnav_models import learn
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks._rows import Row, row, timed
-from tests.models.learn.small import Airspeed, flown, plain_input, wind
+from tests.models.learn.small import Sensor, flown, plain_input, wind
 from tests.neural import graphs
 
 FACTORS = {  # what it measures, the share of its errors that lasts, and whose factor that is
@@ -85,7 +85,7 @@ def _factors(span_s: float) -> list[Row]:
 def _training(span_s: float) -> Row:
     flight = learn.training_flight(flown(1, span_s, 10.0), Batch(noise="nominal"))
     records = {"wind": wind(flight.flight, 2)}
-    network = learn.factor(Airspeed(), "velocity", [plain_input()], frame="b", records=records)
+    network = learn.factor(Sensor(), "velocity", [plain_input()], frame="b", records=records)
 
     def trained() -> None:
         learn.nll(learn.posterior(flight, [network]), flight.truth).backward()

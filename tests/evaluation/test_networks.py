@@ -7,59 +7,55 @@ import pytest
 from onnx import helper
 
 from fgnav import BadInputError, Batch, NeuralFactor, cli
-from fgnav.evaluation.networks import referee
+from fgnav.evaluation.networks import calibration, referee
 from fgnav.evaluation.networks.comparison import NO_NETWORK, constant_of
 from fgnav.io.flight.folder import save_flight
 from fgnav.neural.manifest import Covariance
 from fgnav.neural.records import Record
-from fgnav_sim.motion import Arc, Motion, Rate
-from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
-from fgnav_sim.simulate import simulate
+from fgnav_sim.scenario import FixesTable
 from tests.methods.simulated import flown
 from tests.neural import graphs
+from tests.turns import turning
 
-RATE_HZ, FLIGHTS = 10.0, 6
-SIGMAS_MPS = (0.1, 1.0)
+RATE_HZ, OVER_S, FLIGHTS = 10.0, 1.0, 6
+SIGMAS = (0.1, 1.0)  # m or m/s
 
 
 @pytest.fixture(scope="module", name="flights")
 def simulated():
-    """Return turns at 30 m/s with an inertial unit and rare fixes."""
-    turn = Motion(path=Arc(speed_mps=30.0, radius_m=80.0), yaw=Rate(rate_degps=21.5))
-    imu = ImuTable(
-        gyroscope_noise_radps_per_sqrt_hz=1e-3,
-        gyroscope_bias_radps=1e-2,
-        gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
-    )
+    """Return turns with rare fixes."""
     fixes = FixesTable(rate_hz=2.0, velocity_noise_mps=1.0)
-    scenario = Scenario(duration_s=12.0, motion=turn, imu=imu, fixes=fixes)
-    return [simulate(scenario, rng) for rng in np.random.default_rng(5).spawn(FLIGHTS)]
+    return [turning(rng, fixes=fixes) for rng in np.random.default_rng(5).spawn(FLIGHTS)]
 
 
 @pytest.fixture(scope="module", name="drawn")
 def of_flights(flights):
     """Return errors of each flight's velocities, (n, 3), and the record that has them."""
+    return recorded(flights, lambda truth: truth.v_n_mps)
+
+
+def recorded(flights, quantity):
+    """Return errors, drawn by one of two sigmas, and records of a quantity of the truth."""
     made = []
     for rng, flight in zip(np.random.default_rng(6).spawn(FLIGHTS), flights, strict=True):
         truth = flight.truth[:: round(1 / RATE_HZ / np.diff(flight.truth.t_s[:2]).item())]
-        sigma = rng.choice(SIGMAS_MPS, (len(truth.t_s), 1))
+        sigma = rng.choice(SIGMAS, (len(truth.t_s), 1))
         error = sigma * rng.standard_normal((len(truth.t_s), 3))
-        values = np.hstack([truth.v_n_mps + error, np.log(sigma)])
+        values = np.hstack([quantity(truth) + error, np.log(sigma)])
         made.append((error, Record(t_s=truth.t_s, values=values, unit="m/s", frame="n")))
     return made
 
 
-def written(folder, sign=1.0):
+def written(folder, measures="velocity", **more):
     """Write a network that hands on what its record has."""
     nodes = [
-        helper.make_node("Split", ["x", "sizes"], ["y", "one"], axis=1),
-        helper.make_node("Mul", ["one", "sign"], ["s"]),
+        helper.make_node("Split", ["x", "sizes"], ["y", "s"], axis=1),
     ]
-    weights = {"sizes": np.array([3, 1]), "sign": np.float32(sign)}
+    weights = {"sizes": np.array([3, 1])}
     content = graphs.model(nodes, {"x": (4,)}, {"y": (3,), "s": (1,)}, weights)
     one = graphs.seen("anemometer", 1, channels=4, rate_hz=RATE_HZ, unit="m/s")
     one = type(one)(**{key: getattr(one, key) for key in one.__struct_fields__} | {"frame": "n"})
-    output = graphs.told("y", "velocity", Covariance(form="log_sigma", name="s"), frame="n")
+    output = graphs.told("y", measures, Covariance(form="log_sigma", name="s"), frame="n", **more)
     return graphs.written(folder, "anemometer", content, one, output)
 
 
@@ -83,6 +79,31 @@ def test_a_right_sigma_is_found_right_and_worth_more_than_the_best_constant(
         assert gained.flights == FLIGHTS
         assert gained.difference.high < 0
     assert "\nvelocity RMS, m/s " in str(found)
+
+
+def moved(truth):
+    """Return displacements of a second; of the first one no answer counts."""
+    steps = round(OVER_S * RATE_HZ)
+    return truth.p_n_m - truth.p_n_m[np.maximum(np.arange(len(truth.t_s)) - steps, 0)]
+
+
+@pytest.mark.parametrize(
+    ("measures", "quantity", "more"),
+    [("position", lambda truth: truth.p_n_m, {}), ("displacement", moved, {"over_s": OVER_S})],
+)
+def test_positions_and_displacements_have_their_own_errors(
+    flights, tmp_path, measures, quantity, more
+):
+    drawn = recorded(flights, quantity)
+    network = written(tmp_path, measures, **more)
+    factors = [NeuralFactor(network, records={"anemometer": record}) for _, record in drawn]
+    found = calibration(factors, flights)
+    begin = round(OVER_S * RATE_HZ) if more else 1
+    errors = np.concatenate([error[begin:] for error, _ in drawn])
+    assert (found.unit, found.count) == ("m", len(errors))
+    assert found.rmse == pytest.approx(np.sqrt((errors**2).sum(axis=1).mean()), rel=1e-4)
+    assert abs(found.network.nees - 1) < 4 * np.sqrt(2 / (3 * found.count))
+    assert found.gain.high < 0
 
 
 def test_flights_that_a_network_cannot_see_are_counted_and_one_alone_has_no_constant(

@@ -8,23 +8,16 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.graph.build import Layout, flight_values
 from fgnav.graph.keys import index
-from fgnav.neural.manifest import Covariance, Output
+from fgnav.neural.manifest import Covariance
 from fgnav.neural.outputs import Counted, factor_of
 from fgnav.solve.adjoint import PosteriorCovariance, terms_of
 from fgnav.solve.gauss_newton import elimination_at
+from tests.neural import graphs
 from tests.solve.linear_flight import dense, random_problem
 
 N, JOINS = 12, ((0, 4), (3, 7), (5, 6), (5, 11))
-OUTPUT = Output(
-    name="moved",
-    measures="displacement",
-    manifold="R3",
-    unit="m",
-    frame="b",
-    covariance=Covariance(form="none", sigma=(0.5,)),
-    half_life_s=0.0,
-    over_s=1.0,
-)
+NOISE = Covariance(form="none", sigma=(0.5,))
+OUTPUT = graphs.told("moved", "displacement", NOISE, frame="b", over_s=1.0)
 
 
 @pytest.mark.parametrize(("aux", "b"), [(6, 0), (6, 2), (12, 3)])
@@ -54,7 +47,7 @@ def test_adjoints_are_products_with_the_dense_inverse(aux, b):
     wide, right = np.zeros_like(P), np.concatenate([a.ravel(), np.zeros(b)])
     for k in range(N):
         wide[k * D : k * D + D, k * D : k * D + D] = B[k]
-    adjoint = found.adjoint(a, B, (), ())
+    adjoint = found.adjoint(a, B, ())
     np.testing.assert_allclose(adjoint.step, -P @ right, rtol=1e-9, atol=1e-11)
     expected = P @ wide @ P
     for pair in (*JOINS, *((k, k + 1) for k in range(N - 1))):

@@ -13,13 +13,19 @@ import numpy as np
 import torch
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.types.states import States
+from fgnav.graph import keys
+from fgnav.graph.custom import NamedFactor
+from fgnav.graph.keys import Timeline
+from fgnav.graph.types.parameters import Parameters
+from fgnav.graph.types.states import AUX, States
+from fgnav.neural.factor import NeuralFactor
 from fgnav.neural.manifest import Output
 from fgnav.neural.outputs import Counted
-from fgnav.solve.adjoint import Adjoint
+from fgnav.solve.adjoint import Adjoint, states_of
+from fgnav.types.flight import Flight
+from fgnav_models.learn.modules import module_of
 
 Tensor: TypeAlias = torch.Tensor
-_TANGENT = 9  # rotation, position, velocity
 
 
 def skew(v: Tensor) -> Tensor:
@@ -134,7 +140,7 @@ class AnswerTerm:
 
     def adjoint_value(self, adjoint: Adjoint, states: States) -> Tensor:
         """Return ``Adjoint.value``, which torch differentiates by values and covariances."""
-        r, J = self._rows([states.at(rows) for rows in self.keyframes.T])
+        r, J = self._rows(states_of(self, states))
         step, M = map(torch.from_numpy, adjoint.derivatives(self.keyframes))
         along = torch.einsum("mfw,mw->mf", J, step)
         return (along * r).sum() - torch.einsum("mfw,mwu,mfu->", J, M, J)
@@ -142,7 +148,7 @@ class AnswerTerm:
     def _rows(self, states: Sequence[States]) -> tuple[Tensor, Tensor]:
         (m, c), D, constants = self.keyframes.shape, states[0].width, states[0].constants
         R, p, v = (torch.from_numpy(np.stack([one[i] for one in states], axis=1)) for i in range(3))
-        tangent = torch.zeros(m, c, _TANGENT, dtype=torch.double, requires_grad=True)
+        tangent = torch.zeros(m, c, AUX, dtype=torch.double, requires_grad=True)
         with torch.enable_grad():
             turn, moved, faster = tangent.split(3, dim=2)
             p = p + (R @ moved[..., None])[..., 0]
@@ -153,7 +159,7 @@ class AnswerTerm:
                 torch.autograd.grad(r[:, i].sum(), tangent, create_graph=True)[0]
                 for i in range(r.shape[1])
             ]
-        own = torch.nn.functional.pad(torch.stack(blocks, dim=1), (0, D - _TANGENT)).flatten(2)
+        own = torch.nn.functional.pad(torch.stack(blocks, dim=1), (0, D - AUX)).flatten(2)
         across, counted = self._across(), self.counted
         P = across @ self.covariance @ across.mT
         shared = torch.zeros(m, r.shape[1], len(constants), dtype=torch.double)
@@ -172,6 +178,43 @@ class AnswerTerm:
         if self.output.measures == "direction":
             return _across(self.value)
         return torch.eye(self.covariance.shape[1]).double().expand_as(self.covariance)
+
+
+def answers_of(
+    source: NeuralFactor, flight: Flight, timeline: Timeline, constants: Parameters
+) -> tuple[list[NamedFactor], list[AnswerTerm]]:
+    """Return the factors of a live module's answers, and the same as torch differentiates them.
+
+    Parameters
+    ----------
+    source : NeuralFactor
+    flight : Flight
+    timeline : Timeline
+        Of the source.
+    constants : Parameters
+        Of the problem, those of sources among them.
+    """
+    module, network = module_of(source), source.network
+    output = network.manifest.output
+    factors, terms = [], []
+    for queries in source.queries(flight, timeline):
+        if not len(queries.rows):
+            continue
+        raw = module.outputs_of(network.feed(queries.inputs))
+        answers = network.read([x.detach().double().reshape(len(x), -1).numpy() for x in raw])
+        factors += source.factors_of(queries, answers)
+        value, covariance = answers_in_si(output, raw)
+        key = queries.counted.key
+        term = AnswerTerm(
+            output=output,
+            counted=queries.counted,
+            keyframes=queries.rows[:, 1:] if output.over_s is None else queries.rows,
+            value=value,
+            covariance=covariance,
+            lasting=constants.first[keys.index(key)] if key >= 0 else 0,
+        )
+        terms.append(term)
+    return factors, terms
 
 
 def _across(direction: Tensor) -> Tensor:

@@ -18,6 +18,7 @@ from fgnav.methods.smoothing.custom_sources import custom_factors
 from fgnav.methods.smoothing.solving import at_once
 from fgnav.solve.batch import minimum
 from fgnav.types.flight import Flight, Truth
+from fgnav_models.learn.hyperparameters import Hyperparameters
 
 # An attitude that far from the truth is a minimum of its own, or an open one: the same half radian
 # beyond which solvers do not linearise. What the posterior says there means nothing.
@@ -33,6 +34,8 @@ class TrainingFlight:
     flight : Flight
     truth : Truth
     prepared : PreparedFlight
+    hyperparameters : Hyperparameters
+        Of its problem.
     fixed : tuple of NamedFactor
         Custom factors of the method, which are not trained.
     states : States or None
@@ -42,6 +45,7 @@ class TrainingFlight:
     flight: Flight
     truth: Truth
     prepared: PreparedFlight
+    hyperparameters: Hyperparameters
     fixed: tuple[NamedFactor, ...] = ()
     states: States | None = field(default=None, repr=False)
 
@@ -106,4 +110,10 @@ def training_flight(flight: Flight, method: Batch, *, without: str = "") -> Trai
         return replace(problem, sensors=tuple(left))
 
     prepared = prepared.changed(replaced)
-    return TrainingFlight(flight=flight, truth=truth, prepared=prepared, fixed=sourced.factors)
+    return TrainingFlight(
+        flight=flight,
+        truth=truth,
+        prepared=prepared,
+        hyperparameters=Hyperparameters.of(prepared.problem),
+        fixed=sourced.factors,
+    )

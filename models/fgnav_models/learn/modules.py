@@ -43,7 +43,7 @@ class TorchRuntime:
                 answers = dict(zip(self.outputs, self.outputs_of(feed), strict=True))
         finally:
             self.module.train(training)
-        return [answers[name].cpu().numpy() for name in names]
+        return [answers[name].detach().cpu().numpy() for name in names]
 
     def outputs_of(self, feed: Mapping[str, NDArray[Any]]) -> tuple[torch.Tensor, ...]:
         """Return the module's outputs, which torch differentiates.

@@ -4,11 +4,11 @@
     learn.nll(posterior, flight.truth).backward()
 
 Forward is GTSAM's minimum, begun where it was the last time; backward is the implicit function
-theorem (``fgnav.solve.adjoint``). The weak priors of the first keyframe, and the method's factors
-that are not trained, count as linear.
+theorem (``fgnav.solve.adjoint``). The weak prior of the first keyframe's pose, and the method's
+factors that are not trained, count as linear.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,23 +16,19 @@ import numpy as np
 import torch
 
 from fgnav.checks import BadInputError, FloatArray
-from fgnav.graph import keys
 from fgnav.graph.build import Layout
-from fgnav.graph.custom import NamedFactor
 from fgnav.graph.keys import Timeline
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.states import States
+from fgnav.graph.types.states import AUX, States
 from fgnav.kernels.one_thread import in_one_thread
 from fgnav.methods.smoothing.custom_sources import custom_constants, with_timelines
 from fgnav.neural.factor import NeuralFactor
-from fgnav.noise.components import NoiseComponents
 from fgnav.solve.adjoint import Adjoint, PosteriorCovariance, terms_of
 from fgnav.solve.gauss_newton import elimination_at
-from fgnav_models.learn.answers import AnswerTerm, Tensor, answers_in_si, skew
+from fgnav_models.learn.answers import AnswerTerm, Tensor, answers_of, skew
 from fgnav_models.learn.flights import TrainingFlight
-from fgnav_models.learn.modules import module_of
 
-_TANGENT = 9  # rotation, position, velocity
+_STEP = 1e-4  # of logarithms, for differences: about the cube root of rounding
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -57,35 +53,32 @@ class Posterior:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Minimum:
-    """A flight's minimum, what is known of it, and the answers and noise that it was found with."""
+    """A flight's minimum, what is known of it, and the answers and parameters that it has."""
 
-    problem: Problem
+    problem_at: Callable[[FloatArray], Problem]  # of parameters
+    parameters: FloatArray  # (c,)
     states: States
     covariance: PosteriorCovariance
     marginals: FloatArray  # (n, D, D)
-    terms: tuple[AnswerTerm, ...]
-    noise: tuple[NoiseComponents, FloatArray] | None  # and logarithms of its factors, (c,)
-    names: tuple[str, ...]  # of the parameters
+    answers: tuple[AnswerTerm, ...]
 
     def adjoint(self, by_step: FloatArray, by_covariance: FloatArray) -> Adjoint:
         """Return the adjoint of a function of the first coordinates of each keyframe."""
         a, B = np.zeros(self.marginals.shape[:2]), np.zeros_like(self.marginals)
-        a[:, :_TANGENT] = by_step
-        symmetric = (by_covariance + by_covariance.swapaxes(1, 2)) / 2
-        B[:, :_TANGENT, :_TANGENT] = symmetric
-        terms = [*terms_of(self.problem), *self.terms]
-        return self.covariance.adjoint(a, B, terms, terms)
+        a[:, :AUX] = by_step
+        B[:, :AUX, :AUX] = (by_covariance + by_covariance.swapaxes(1, 2)) / 2
+        terms = terms_of(self.problem_at(self.parameters))
+        return self.covariance.adjoint(a, B, [*terms, *self.answers])
 
-    def by_noise(self, adjoint: Adjoint) -> FloatArray:
-        """Return the derivatives by logarithms of standard deviations, in the order of names."""
-        if self.noise is None:
-            return np.empty(0)
-        components, theta = self.noise
-        motion, *sensors = (
-            adjoint.between_rows(one, self.states) for one in terms_of(self.problem)
-        )
-        traces = components.traces(theta, self.problem, motion, sensors)
-        return -2 * traces[[components.names.index(name) for name in self.names]]
+    def by_parameters(self, adjoint: Adjoint) -> list[float]:
+        """Return the derivatives by parameters."""
+        derivatives = []
+        for step in _STEP * np.eye(len(self.parameters)):
+            ends = (terms_of(self.problem_at(self.parameters + h)) for h in (-step, step))
+            pairs = zip(*ends, strict=True)
+            changes = (adjoint.change(low, high, self.states) for low, high in pairs)
+            derivatives.append(sum(changes) / (2 * _STEP))
+        return derivatives
 
 
 @in_one_thread
@@ -102,8 +95,10 @@ def posterior(
     factors : sequence of NeuralFactor
         Of ``learn.factor``.
     parameters : mapping of str to tensor, optional
-        Logarithms of factors on standard deviations, scalars: ``"accelerometer"``,
-        ``"gyroscope"``, their biases, and sensors by name, such as ``"position"``.
+        Logarithms of factors, scalars. On standard deviations: ``"accelerometer"``,
+        ``"gyroscope"``, their biases, and sensors by name, such as ``"position"``; without a
+        gyroscope on those of the rate's process, ``"rate"``, and on its lengths of correlation,
+        ``"rate length"``.
 
     Raises
     ------
@@ -113,29 +108,36 @@ def posterior(
         If the data leave a state open, or the search ends in no minimum.
     """
     parameters = parameters or {}
-    problem = flight.prepared.problem.with_constants(custom_constants(factors))
+    asked, hyperparameters = custom_constants(factors), flight.hyperparameters
+    unknown = [name for name in parameters if name not in hyperparameters.names]
+    if unknown:
+        raise BadInputError(
+            f"parameters: {unknown[0]!r} is no noise of flight {flight.flight.name}, which has "
+            f"{', '.join(hyperparameters.names)}"
+        )
+
+    def problem_at(logs: FloatArray) -> Problem:
+        given = dict(zip(parameters, logs.tolist(), strict=True))
+        return hyperparameters.problem_at(given).with_constants(asked)
+
+    given = np.array([float(x.detach()) for x in parameters.values()])
+    problem = problem_at(given)
     timeline = Timeline(t_s=problem.t_s, gyroscope=Layout.of(problem).gyroscope)
     first = len(flight.prepared.problem.constants.parts)
     custom, terms = list(flight.fixed), []
     for source, of_source in with_timelines(factors, timeline, first):
-        made, found = _asked(source, flight, of_source, problem)
+        made, found = answers_of(source, flight.flight, of_source, problem.constants)
         custom += made
         terms += found
-    noise = None
-    if parameters:
-        noise = _noise(problem, parameters, flight.flight.name)
-        components, theta = noise
-        problem = components.problem_at(theta)
     states = flight.minimum(problem, custom)
-    elimination = elimination_at(problem, states, [one.factor for one in custom])
+    elimination = elimination_at(problem, states, [factor.factor for factor in custom])
     solved = _Minimum(
-        problem,
+        problem_at,
+        given,
         states,
         PosteriorCovariance(elimination, Layout.of(problem), states),
         elimination.marginals().covariance,
         tuple(one.detached() for one in terms),
-        noise,
-        tuple(parameters),
     )
     answered = [x for term in terms for x in (term.value, term.covariance)]
     step, P = _Differentiated.apply(solved, *answered, *parameters.values())
@@ -143,7 +145,7 @@ def posterior(
     R, p, v = (torch.from_numpy(x) for x in states[:3])
     p_n_m = p + (R @ moved[:, :, None])[:, :, 0]
     R_nb = R @ (torch.eye(3).double() + skew(turn))
-    turned = torch.eye(_TANGENT).double().repeat(len(P), 1, 1)
+    turned = torch.eye(AUX).double().repeat(len(P), 1, 1)
     turned[:, 3:6, 3:6] = R_nb
     return Posterior(
         t_s=problem.t_s,
@@ -154,50 +156,8 @@ def posterior(
     )
 
 
-def _asked(
-    source: NeuralFactor, flight: TrainingFlight, timeline: Timeline, problem: Problem
-) -> tuple[list[NamedFactor], list[AnswerTerm]]:
-    """Return the factors of a module's answers, and the same as torch differentiates them."""
-    module, network = module_of(source), source.network
-    factors, terms = [], []
-    for queries in source.queries(flight.flight, timeline):
-        if not len(queries.rows):
-            continue
-        raw = module.outputs_of(network.feed(queries.inputs))
-        answers = network.read([x.detach().double().reshape(len(x), -1).numpy() for x in raw])
-        factors += source.factors_of(queries, answers)
-        value, covariance = answers_in_si(network.manifest.output, raw)
-        counted, joins = queries.counted, network.manifest.output.over_s is not None
-        lasting = problem.constants.first[keys.index(counted.key)] if counted.key >= 0 else 0
-        term = AnswerTerm(
-            output=network.manifest.output,
-            counted=counted,
-            keyframes=queries.rows if joins else queries.rows[:, 1:],
-            value=value,
-            covariance=covariance,
-            lasting=lasting,
-        )
-        terms.append(term)
-    return factors, terms
-
-
-def _noise(
-    problem: Problem, parameters: Mapping[str, Tensor], flight: str
-) -> tuple[NoiseComponents, FloatArray]:
-    """Return the noise of a problem, and the logarithms of its factors."""
-    components = NoiseComponents.of(problem, tuple(one.name for one in problem.sensors), None)
-    unknown = [name for name in parameters if name not in components.names]
-    if unknown:
-        raise BadInputError(
-            f"parameters: {unknown[0]!r} is no noise of flight {flight}, which has "
-            f"{', '.join(components.names)}"
-        )
-    given = {name: float(x.detach()) for name, x in parameters.items()}
-    return components, np.array([given.get(name, 0.0) for name in components.names])
-
-
 class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy skips torch
-    """Steps from the minimum, zero, and marginal covariances, as functions of answers and noise."""
+    """Steps from the minimum, zero, and marginal covariances, by answers and parameters."""
 
     @staticmethod
     def forward(
@@ -207,8 +167,8 @@ class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy sk
     ) -> tuple[Tensor, Tensor]:
         ctx.solved = solved
         ctx.save_for_backward(*given)
-        P = solved.marginals[:, :_TANGENT, :_TANGENT].copy()
-        return torch.zeros(len(P), _TANGENT, dtype=torch.double), torch.from_numpy(P)
+        P = solved.marginals[:, :AUX, :AUX].copy()
+        return torch.zeros(len(P), AUX, dtype=torch.double), torch.from_numpy(P)
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]  # as above
@@ -220,13 +180,13 @@ class _Differentiated(torch.autograd.Function):  # type: ignore[misc]  # mypy sk
         solved, given = ctx.solved, ctx.saved_tensors
         adjoint = solved.adjoint(by_step.numpy(), by_covariance.numpy())
         gradients: list[Tensor] = []
-        for i, term in enumerate(solved.terms):
+        for i, term in enumerate(solved.answers):
             inputs = [x.detach().clone().requires_grad_() for x in given[2 * i : 2 * i + 2]]
             again = replace(term, value=inputs[0], covariance=inputs[1])
             with torch.enable_grad():
                 value = again.adjoint_value(adjoint, solved.states)
             gradients += torch.autograd.grad(value, inputs, allow_unused=True)
-        thetas = given[2 * len(solved.terms) :]
-        by_noise = solved.by_noise(adjoint).tolist()
-        gradients += (x.new_tensor(d) for x, d in zip(thetas, by_noise, strict=True))
+        parameters = given[2 * len(solved.answers) :]
+        by_parameters = solved.by_parameters(adjoint)
+        gradients += (x.new_tensor(d) for x, d in zip(parameters, by_parameters, strict=True))
         return None, *gradients

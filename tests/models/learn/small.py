@@ -6,26 +6,15 @@ import torch
 
 from fgnav.neural.records import Record
 from fgnav_models.learn import input_of
-from fgnav_sim.motion import Arc, Motion, Rate
-from fgnav_sim.scenario import FixesTable, ImuTable, Scenario
-from fgnav_sim.simulate import simulate
+from fgnav_sim.scenario import FixesTable
+from tests.turns import turning
 
 RATE_HZ, WINDOW = 10.0, 3
-IMU = ImuTable(
-    gyroscope_noise_radps_per_sqrt_hz=1e-3,
-    gyroscope_bias_radps=1e-2,
-    gyroscope_bias_walk_radps_per_sqrt_s=1e-6,
-)
 
 
 def flown(seed, duration_s=12.0, rate_hz=5.0, **imu):
-    """Return a turn at 30 m/s with fixes and an inertial unit, some of its figures others."""
-    turn = Motion(path=Arc(speed_mps=30.0, radius_m=80.0), yaw=Rate(rate_degps=21.5))
-    fixes = FixesTable(rate_hz=rate_hz)
-    scenario = Scenario(
-        duration_s=duration_s, motion=turn, imu=msgspec.structs.replace(IMU, **imu), fixes=fixes
-    )
-    return simulate(scenario, np.random.default_rng(seed))
+    """Return a turn, with fixes of a rate."""
+    return turning(np.random.default_rng(seed), duration_s, FixesTable(rate_hz=rate_hz), **imu)
 
 
 def wind(flight, seed):
@@ -38,25 +27,26 @@ def wind(flight, seed):
     return Record(t_s=t_s, values=noisy, unit="m/s", frame="b")
 
 
-class Airspeed(torch.nn.Module):
-    """The window's mean, a little off, and what is asked for of how sure it is."""
+class Sensor(torch.nn.Module):
+    """The last sample, a little off, and an uncertainty that changes with it."""
 
-    def __init__(self, uncertain=3, seed=1):
+    def __init__(self, channels=3, uncertain=3, seed=1, *, unit=False):
         super().__init__()
+        self.unit = unit
         torch.manual_seed(seed)
-        self.off = torch.nn.Linear(3, 3)
-        self.uncertain = torch.nn.Linear(3, uncertain)
-        self.off.weight.data *= 0.05
-        self.uncertain.weight.data *= 0.1
+        self.off = torch.nn.Parameter(0.05 * torch.randn(channels))
+        self.gain = torch.nn.Parameter(torch.tensor(1.01))
+        self.uncertain = torch.nn.Parameter(0.3 * torch.randn(uncertain) - 1.0)
         self.double()
 
     def forward(self, x):
-        mean = x.mean(dim=1)
-        uncertain = self.uncertain(mean) - 0.5
-        if uncertain.shape[1] == 6:  # the diagonal of a Cholesky factor
+        last = x[:, -1]
+        uncertain = self.uncertain + 0.3 * torch.tanh(last.mean(dim=1, keepdim=True))
+        if len(self.uncertain) == 6:
             diagonal = torch.tensor([True, False, True, False, False, True])
             uncertain = torch.where(diagonal, uncertain.exp(), 0.3 * uncertain)
-        return mean + self.off(mean), uncertain
+        answer = self.gain * last + self.off
+        return answer / answer.norm(dim=1, keepdim=True) if self.unit else answer, uncertain
 
 
 def plain_input():

@@ -8,7 +8,7 @@ from fgnav import BadInputError, Batch, Forward, NeuralFactor, Smoother
 from fgnav.graph.build import flight_values
 from fgnav.graph.keys import Timeline
 from fgnav_models import learn
-from tests.models.learn.small import RATE_HZ, Airspeed, flown, plain_input, wind
+from tests.models.learn.small import RATE_HZ, Sensor, flown, plain_input, wind
 
 
 def linearised(source, flight, problem):
@@ -25,7 +25,7 @@ def flight():
 
 def airspeed(flight, module=None, **more):
     more = {"frame": "b", "records": {"wind": wind(flight, 2)}} | more
-    return learn.factor(module or Airspeed().float(), "velocity", [plain_input()], **more)
+    return learn.factor(module or Sensor().float(), "velocity", [plain_input()], **more)
 
 
 @pytest.mark.parametrize("method", [Smoother, Batch, Forward])
@@ -33,13 +33,13 @@ def test_a_live_module_is_a_factor_of_every_method(flight, method):
     without = method(noise="nominal", factors=())(flight)
     estimate = method(noise="nominal", factors=(airspeed(flight),))(flight)
     assert estimate.converged
-    assert any(one.what == "Airspeed" for one in estimate.consistency)
+    assert any(one.what == "Sensor" for one in estimate.consistency)
     assert estimate.sigma_deg[-1, 2] < without.sigma_deg[-1, 2] / 5
 
 
 @pytest.mark.parametrize("form", ["log_sigma", "cholesky", 0.7])
 def test_an_exported_module_makes_the_same_factors(flight, tmp_path, form):
-    module = Airspeed(6 if form == "cholesky" else 3).float()
+    module = Sensor(3, 6 if form == "cholesky" else 3).float()
     if form == 0.7:
         module = torch.nn.Sequential(torch.nn.Flatten(), torch.nn.Linear(9, 3))
     problem = Batch(noise="nominal").prepare(flight).problem
@@ -53,11 +53,11 @@ def test_an_exported_module_makes_the_same_factors(flight, tmp_path, form):
 
 
 def test_what_it_learns_later_it_says_at_once(flight):
-    module = Airspeed().float()
+    module = Sensor().float()
     source, problem = airspeed(flight, module), Batch(noise="nominal").prepare(flight).problem
     before = linearised(source, flight, problem)
     with torch.no_grad():
-        module.uncertain.bias += 1.0
+        module.uncertain += 1.0
     after = linearised(source, flight, problem)
     np.testing.assert_allclose(after, before / np.e, rtol=1e-5, atol=1e-7)
 

@@ -19,12 +19,13 @@ UNITS = {
     "input_deviation": "1",
     "specific_force_mps2": "m/s2",
     "specific_force_change_mps2": "m/s2",
+    "specific_force_step_mps2": "m/s2",
     "horizontal_speed_mps": "m/s",
     "upward_speed_mps": "m/s",
     "acceleration_mps2": "m/s2",
     "accelerometer_less_velocities_mps2": "m/s2",
 }
-CALM = (*list(UNITS)[:5], "acceleration_mps2")  # figures that may be as low as 0
+CALM = (*list(UNITS)[:6], "acceleration_mps2")  # figures that may be as low as 0
 
 
 def figures_of_windows(
@@ -34,8 +35,9 @@ def figures_of_windows(
 
     ``stated_sigma_rad`` is of each axis across the answer; ``input_deviation`` the root mean square
     of all inputs in standard deviations of training; ``specific_force_mps2`` the largest of the
-    window; ``accelerometer_less_velocities_mps2`` the mean size of the specific force less that
-    which the mean acceleration asks for.
+    window; ``specific_force_step_mps2`` the root mean square from one sample to the next, which
+    vibration raises; ``accelerometer_less_velocities_mps2`` the mean size of the specific force
+    less that which the mean acceleration asks for.
     """
     size = f_b_mps2.norm(dim=2)
     variance = covariance[:, 0, 0] + covariance[:, 1, 1] + covariance[:, 2, 2]
@@ -44,6 +46,7 @@ def figures_of_windows(
         net.scaled(f_b_mps2, motion).square().mean(dim=1).sqrt(),
         size.amax(dim=1),
         size.amax(dim=1) - size.amin(dim=1),
+        (f_b_mps2[:, 1:] - f_b_mps2[:, :-1]).square().sum(dim=2).mean(dim=1).sqrt(),
     ]
     if motion is not None:
         figures += [

@@ -86,7 +86,7 @@ def test_both_networks_share_one_architecture_and_the_factor_has_what_its_manife
             g_b, cholesky, *figures = GravityFactor(GravityNet(aided=aided, width=4, seed=1))(*seen)
         assert g_b.shape == (2, 3)
         assert cholesky.shape == (2, 6)
-        assert len(figures) == (8 if aided else 4)
+        assert len(figures) == (9 if aided else 5)
 
 
 def test_its_manifest_states_how_long_errors_last_as_measured(network):

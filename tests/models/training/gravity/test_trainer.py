@@ -40,7 +40,7 @@ def test_released_networks_load_and_answer_unit_vectors_with_a_covariance(whole)
         answers = network([epochs.f_b_mps2, epochs.v_n_mps][:seen])
         np.testing.assert_allclose(np.linalg.norm(answers.value, axis=1), 1.0, atol=1e-12)
         assert (np.linalg.eigvalsh(answers.covariance)[:, 0] > 0).all()
-        assert len(network.manifest.domain) == len(answers.figures) == (8 if seen == 2 else 4)
+        assert len(network.manifest.domain) == len(answers.figures) == (9 if seen == 2 else 5)
 
 
 def test_a_training_cut_and_resumed_ends_in_the_same_bytes(whole, tmp_path, capsys):
