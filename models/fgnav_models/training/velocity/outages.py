@@ -1,7 +1,7 @@
-"""Outages of GNSS that nothing ends: flights to learn from, and what a posterior loses in them."""
+"""Outages of GNSS that nothing ends: flights, and the likelihood of their states in them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import msgspec
@@ -16,7 +16,6 @@ from fgnav.methods.smoothing.custom_sources import custom_constants
 from fgnav.neural.factor import NeuralFactor
 from fgnav.types.flight import Flight, Imu, Truth
 from fgnav_models import learn
-from fgnav_models.training.train import Batch
 from fgnav_models.training.velocity.vehicles.track import Track
 from fgnav_models.training.velocity.vehicles.world import (
     VehiclesWorld,
@@ -34,20 +33,17 @@ _UNINFORMATIVE = 1e3
 
 
 class Outages(Table, frozen=True):
-    """How a network that was trained alone goes on through the smoother, and is judged."""
+    """How the correlation of a network's errors is tuned through the smoother, and judged."""
 
-    # flights, held_out: to learn from, and to judge on
-    flights: Count = 60
-    held_out: Count = 60
+    # flights, held_out: to tune by, and to judge on
+    flights: Count = 36
+    held_out: Count = 180
     gnss_s: Positive = 14.0  # with fixes, four times a second
     outage_s: Range = (5.0, 20.0)  # without any, until the end of the record
-    steps: Count = 150
-    batch: Count = 6  # flights of a step
-    learning_rate: Positive = 5e-4
-    # half_life_s, lasting: of the errors' correlation, as the factor counts them; an answer comes
-    # every two half-lives
-    half_life_s: Positive = 1.0
-    lasting: NotNegative = 0.3
+    # half_life_s, lasting: what is tried; answers come every two half-lives, and a share of their
+    # errors' variance lasts as long as a flight
+    half_life_s: tuple[Positive, ...] = (0.5, 1.0, 2.0, 4.0)
+    lasting: tuple[NotNegative, ...] = (0.0, 0.3, 0.6)
 
 
 def outage_flights(
@@ -127,46 +123,29 @@ class OutageFlight(NamedTuple):
             )
         return learn.posterior(flight, factors)
 
+    def loss(self, factors: Sequence[NeuralFactor]) -> float:
+        """Return the negative log-likelihood of the states in the outage; NaN of no solution."""
+        try:
+            with torch.no_grad():
+                return float(learn.nll(self.posterior(factors), self.outage))
+        except NoSolutionError:
+            return np.nan
 
-@dataclass(frozen=True, slots=True)
-class OutageLoss:
-    """Negative log-likelihood of attitude, position and velocity in outages, over some flights.
 
-    ``source`` is the factor of the live module that is trained.
+def tuned(factors: Sequence[NeuralFactor], flights: Sequence[OutageFlight]) -> NeuralFactor:
+    """Return the factor by which states in outages are likeliest, of those that solve most flights.
+
+    Their mean losses are compared over flights that all of these solve.
+
+    Raises
+    ------
+    NoSolutionError
+        If there is no such flight.
     """
-
-    flights: tuple[OutageFlight, ...]
-    source: NeuralFactor
-
-    def __call__(self, _: torch.nn.Module, batch: Batch) -> torch.Tensor:
-        """Return the mean over the flights of a batch that are solved.
-
-        Raises
-        ------
-        NoSolutionError
-            If none is.
-        """
-        losses, failures = [], []
-        for flight in (self.flights[k] for k in batch[0].tolist()):
-            try:
-                losses.append(learn.nll(flight.posterior([self.source]), flight.outage))
-            except NoSolutionError as error:
-                failures.append(str(error))
-        if not losses:
-            raise NoSolutionError(f"none of {len(failures)} flights: {failures[0]}")
-        return torch.stack(losses).mean()
-
-
-@dataclass(frozen=True, slots=True)
-class ShuffledFlights:
-    """Batches of flights, each flight once an epoch, by seed and step."""
-
-    count: int
-    batch: int
-    seed: int
-
-    def __call__(self, step: int) -> Batch:
-        """Return the numbers of the flights of a step."""
-        epoch, place = divmod(step, max(1, self.count // self.batch))
-        order = np.random.default_rng([self.seed, epoch]).permutation(self.count)
-        return (torch.from_numpy(order[place * self.batch :][: self.batch]),)
+    losses = np.array([[flight.loss([factor]) for flight in flights] for factor in factors])
+    solved = np.isfinite(losses).sum(axis=1)
+    best = np.flatnonzero(solved == solved.max())
+    shared = losses[best][:, np.isfinite(losses[best]).all(axis=0)]
+    if not shared.size:
+        raise NoSolutionError(f"none of {len(flights)} flights in outages has a solution")
+    return factors[int(best[shared.mean(axis=1).argmin()])]

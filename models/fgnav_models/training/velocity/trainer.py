@@ -1,15 +1,15 @@
 """Recipes of kind ``velocity``: body velocity by an inertial unit, released as a factor.
 
-A network learns alone, from windows of many flights; then through the smoother, from states in
-outages of GNSS. Held-out flights compare both, and the best constant standard deviations.
+A network learns from windows of many flights. How its errors are correlated is then tuned through
+the smoother, by states in outages of GNSS; held-out flights compare that to the correlation that
+the errors have by themselves, and to the best constant standard deviations.
 """
 
-from copy import deepcopy
+from itertools import product
 
 import numpy as np
 import torch
 
-from fgnav.checks import NoSolutionError
 from fgnav.evaluation.networks import Calibration, calibration
 from fgnav.io.atomic_write import write_text
 from fgnav.io.strict_toml import Positive, Table
@@ -21,7 +21,6 @@ from fgnav_models.training.learning import Learning
 from fgnav_models.training.order import Order
 from fgnav_models.training.recipes import said, scaled
 from fgnav_models.training.release import made_with, release
-from fgnav_models.training.train import Settings
 from fgnav_models.training.velocity.data import SCALE, Drawn, Records, records
 from fgnav_models.training.velocity.figures import (
     answer_figures,
@@ -36,10 +35,9 @@ from fgnav_models.training.velocity.nets import (
 )
 from fgnav_models.training.velocity.outages import (
     OutageFlight,
-    OutageLoss,
     Outages,
-    ShuffledFlights,
     outage_flights,
+    tuned,
 )
 from fgnav_models.training.velocity.vehicles.world import (
     VehiclesWorld,
@@ -84,18 +82,35 @@ def run(order: Order) -> list[str]:
         for stream, count in ((_TRAIN, how.flights), (_CALIBRATE, how.held_out))
     )
     net = _trained_alone(recipe, windows, held, order)
-    alone = deepcopy(net)
-    answers = calibration_of(alone, recipe)
-    unsolved = _train_through_smoother(net, recipe, order)
-    test = _outage_flights(recipe, _TEST, recipe.outages.held_out)
-    source = factor_of(net, recipe, name)
-    scores = outage_scores(_methods(alone, answers, source, recipe), test)
-    write_text(order.out / "outages.csv", outage_table(scores))
+    source, table = through_smoother(net, recipe)
+    write_text(order.out / "outages.csv", table)
+    test = outage_flights_of(recipe, _TEST, recipe.outages.held_out)
     metrics = answer_figures(source, [one.flight.flight for one in test])
     _release(net, windows, source, recipe, metrics, order)
     rows = [[name, key, f"{value:.4g}"] for key, value in metrics.items()]
-    rows.append([name, "training flights in outages without a solution", f"{unsolved}"])
     return order.report(("network", "figure", "value"), rows)
+
+
+def through_smoother(net: VelocityNet, recipe: Recipe) -> tuple[NeuralFactor, str]:
+    """Return a network as the factor that suits outages best, and a table of held-out flights.
+
+    The table is ``outage_table``'s, of no network, of the network's answers at constant sigmas, and
+    of the network; with the correlation that its errors have by themselves, and in outages.
+    """
+    how, found = recipe.outages, calibration_of(net, recipe)
+    measured = factor_of(net, recipe, found.half_life_s, found.lasting)
+    tried = [factor_of(net, recipe, *pair) for pair in product(how.half_life_s, how.lasting)]
+    best = tuned(tried, outage_flights_of(recipe, _SMOOTHED, how.flights))
+    sigma = np.mean(found.sigmas, axis=0).tolist()
+    methods = {
+        "no network": (),
+        "constant sigmas, measured": (NeuralFactor(measured.network.with_sigma(sigma)),),
+        "constant sigmas, tuned": (NeuralFactor(best.network.with_sigma(sigma)),),
+        "network, measured": (measured,),
+        "network, tuned": (best,),
+    }
+    test = outage_flights_of(recipe, _TEST, how.held_out)
+    return best, outage_table(outage_scores(methods, test))
 
 
 def _trained_alone(recipe: Recipe, windows: Records, held: Records, order: Order) -> VelocityNet:
@@ -121,28 +136,15 @@ def calibrate(net: VelocityNet, held: Records, window: int) -> None:
 
 def calibration_of(net: VelocityNet, recipe: Recipe) -> Calibration:
     """Return a network's calibration on whole flights: constant sigmas, correlation of errors."""
-    rngs = np.random.default_rng([recipe.seed, _CALIBRATE]).spawn(recipe.outages.held_out)
+    rngs = np.random.default_rng([recipe.seed, _CALIBRATE]).spawn(recipe.training.held_out)
     scenarios = [vehicle_scenario(recipe.world, drawn_kind(recipe.world, own), own) for own in rngs]
     flights = [simulate(scenario, own) for scenario, own in zip(scenarios, rngs, strict=True)]
-    source = factor_of(net, recipe, "alone")
+    source = factor_of(net, recipe, recipe.outages.half_life_s[0], 0.0)
     return calibration([source] * len(flights), flights)
 
 
-def factor_of(
-    net: VelocityNet,
-    recipe: Recipe,
-    name: str,
-    correlation: tuple[float, float] | None = None,
-) -> NeuralFactor:
-    """Return a network as a factor.
-
-    Parameters
-    ----------
-    correlation : (float, float), optional
-        Half-life of errors, s, and the share of their variance that lasts as long as a flight;
-        those of the recipe by default.
-    """
-    half_life_s, lasting = correlation or (recipe.outages.half_life_s, recipe.outages.lasting)
+def factor_of(net: VelocityNet, recipe: Recipe, half_life_s: float, lasting: float) -> NeuralFactor:
+    """Return a network as a factor, its errors correlated so."""
     return learn.factor(
         net,
         "velocity",
@@ -150,7 +152,7 @@ def factor_of(
         frame="b",
         half_life_s=round(half_life_s, 2),
         lasting=round(lasting, 2),
-        name=name,
+        name=recipe.release.name,
     )
 
 
@@ -165,45 +167,11 @@ def _inputs(recipe: Recipe) -> tuple[Input, ...]:
     )
 
 
-def _train_through_smoother(net: VelocityNet, recipe: Recipe, order: Order) -> int:
-    """Train a network on by what the smoother states in outages; return flights left out."""
-    how, source = recipe.outages, factor_of(net, recipe, recipe.release.name)
-    flights, solved = _outage_flights(recipe, _SMOOTHED, how.flights), list[OutageFlight]()
-    for flight in flights:
-        try:
-            flight.posterior([source])
-        except NoSolutionError:  # as of a vehicle at rest, whose heading nothing determines
-            continue
-        solved.append(flight)
-    settings = Settings(
-        steps=how.steps, learning_rate=how.learning_rate, clip_norm=1.0, seed=recipe.seed,
-        keep="last",
-    )  # fmt: skip
-    loss = OutageLoss(tuple(solved), source)
-    batches = ShuffledFlights(len(solved), min(how.batch, len(solved)), recipe.seed)
-    order.train(f"{recipe.release.name} through the smoother", net, batches, loss, settings)
-    return len(flights) - len(solved)
-
-
-def _outage_flights(recipe: Recipe, stream: int, count: int) -> list[OutageFlight]:
+def outage_flights_of(recipe: Recipe, stream: int, count: int) -> list[OutageFlight]:
+    """Return flights in outages, of one stream of random numbers."""
     rng = np.random.default_rng([recipe.seed, stream])
     flights = outage_flights(recipe.world, recipe.outages, count, rng=rng)
     return [OutageFlight.of(flight) for flight in flights]
-
-
-def _methods(
-    alone: VelocityNet, answers: Calibration, source: NeuralFactor, recipe: Recipe
-) -> dict[str, tuple[NeuralFactor, ...]]:
-    """Return the factors that are compared, by name, the network's last."""
-    sigma, measured = np.mean(answers.sigmas, axis=0), (answers.half_life_s, answers.lasting)
-    answering = factor_of(alone, recipe, "alone")
-    return {
-        "no network": (),
-        "constant sigmas": (NeuralFactor(answering.network.with_sigma(sigma)),),
-        "trained alone, measured correlation": (factor_of(alone, recipe, "alone", measured),),
-        "trained alone": (answering,),
-        "trained through the smoother": (source,),
-    }
 
 
 def _release(

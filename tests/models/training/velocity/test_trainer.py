@@ -37,10 +37,17 @@ def test_the_recipe_leaves_a_factor_with_its_card(whole):
     output = network.manifest.output
     assert (output.measures, output.frame, output.half_life_s > 0) == ("velocity", "b", True)
     card = (whole / "velocity.md").read_text(encoding="utf-8")
-    assert "NLL by the constant sigma that fits best" in card
+    assert "all: NLL, best constant" in card
     rng = np.random.default_rng(1)
     seen = [rng.normal(size=(5, one.window, 3)) for one in network.manifest.inputs]
     assert network(seen).covariance.shape == (5, 3, 3)
+
+
+def test_held_out_outages_are_judged_with_the_network_and_without(whole):
+    rows = (whole / "outages.csv").read_text(encoding="utf-8").splitlines()
+    methods, states = {row.rsplit(",", 18)[0] for row in rows[1:]}, 3
+    assert len(rows) == 1 + len(methods) * states
+    assert {"no network", '"network, measured"', '"network, tuned"'} <= methods
 
 
 def test_a_calibrated_network_has_a_mean_normalised_square_of_one():
