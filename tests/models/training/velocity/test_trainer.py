@@ -1,5 +1,6 @@
 """The recipe of the velocity network, small, through the command."""
 
+import csv
 from pathlib import Path
 
 import numpy as np
@@ -44,10 +45,11 @@ def test_the_recipe_leaves_a_factor_with_its_card(whole):
 
 
 def test_held_out_outages_are_judged_with_the_network_and_without(whole):
-    rows = (whole / "outages.csv").read_text(encoding="utf-8").splitlines()
-    methods, states = {row.rsplit(",", 18)[0] for row in rows[1:]}, 3
-    assert len(rows) == 1 + len(methods) * states
-    assert {"no network", '"network, measured"', '"network, tuned"'} <= methods
+    with (whole / "outages.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 5 * 3
+    assert len({(row["method"], row["state"]) for row in rows}) == len(rows)
+    assert {(row["method"], row["nll_less"]) for row in rows[-3:]} == {("network, tuned", "")}
 
 
 def test_a_calibrated_network_has_a_mean_normalised_square_of_one():
