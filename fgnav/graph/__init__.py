@@ -29,9 +29,9 @@ _HOMES = {  # loaded on first use: they bring GTSAM
     "factors.velocity": ("Velocity",),
     "inertial.gyro_free": ("GyroFree",),
     "inertial.preintegrated": ("Inertial",),
-    "kernel_factor": ("sensor_factor",),
+    "sensor_rows": ("SensorRows", "Shapes", "sensor_factor"),
     "types.parameters": ("Parameter", "Parameters", "flight_constant"),
-    "types.sensor": ("Linearised", "SensorRows", "Shapes"),
+    "types.sensor": ("Linearised",),
     "types.states": ("POSITION", "RATE", "ROTATION", "VELOCITY", "States"),
 }
 __getattr__ = lazy(__name__, _HOMES)

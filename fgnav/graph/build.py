@@ -4,7 +4,7 @@ Keyframe k has ``pose(k)``, ``velocity(k)`` and ``imu_bias(k)`` with a gyroscope
 ``angular_motion(k)``; part i of the constants has ``constant(i)``.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -16,9 +16,8 @@ from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.problem import Problem, pose_prior
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, States
 
-_GYROSCOPE_AUX = 6  # dimensions of States.aux with a gyroscope
 _POSE, _VELOCITY, _IMU_BIAS, _ANGULAR_MOTION = (
     of(0) for of in (keys.pose, keys.velocity, keys.imu_bias, keys.angular_motion)
 )
@@ -30,20 +29,18 @@ class Layout:
 
     gyroscope: bool
     constants: Parameters
-    lasting: int = 0  # dimensions of the array's lasting error, at the end of the angular motion
+    correlated: int = 0  # dimensions of the array's correlated error, last of the angular motion
 
     @classmethod
     def of(cls, problem: Problem) -> "Layout":
         """Return the variables of a problem."""
-        aux = problem.motion.aux
-        gyroscope = aux == _GYROSCOPE_AUX
-        lasting = 0 if gyroscope else aux - 2 * _GYROSCOPE_AUX
-        return cls(gyroscope=gyroscope, constants=problem.constants, lasting=lasting)
+        correlated = 0 if problem.gyroscope else problem.motion.aux - 2 * GYROSCOPE_AUX
+        return cls(gyroscope=problem.gyroscope, constants=problem.constants, correlated=correlated)
 
     @property
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
-        return AUX + (_GYROSCOPE_AUX if self.gyroscope else 2 * _GYROSCOPE_AUX + self.lasting)
+        return AUX + (GYROSCOPE_AUX if self.gyroscope else 2 * GYROSCOPE_AUX + self.correlated)
 
     @property
     def constant_keys(self) -> list[int]:
@@ -55,22 +52,27 @@ class Layout:
         return _POSE | k, _VELOCITY | k, (_IMU_BIAS if self.gyroscope else _ANGULAR_MOTION) | k
 
 
-def insert_keyframe(
-    values: gtsam.Values,
-    layout: Layout,
-    k: int,
-    at: States,
-    row: int = 0,
-    *,
-    biased: bool = False,
-) -> None:
-    """Add row ``row`` of states to the values, as keyframe k; biased: its biases are there."""
+def insert_keyframe(values: gtsam.Values, layout: Layout, k: int, at: States, row: int = 0) -> None:
+    """Add row ``row`` of states to the values, as keyframe k."""
     x, v, aux = layout.keyframe(k)
     values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
     values.insert(v, at.v_n_mps[row])
     # 30 us: ConstantBias is the last of insert's overloads, and there is no other way to a new key.
-    if not biased:
-        values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+    values.insert(aux, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
+
+
+def keyframe_states(values: gtsam.Values, layout: Layout, numbers: Sequence[int]) -> States:
+    """Return keyframes and constants as they are in the values."""
+    n, read = len(numbers), values.atVector
+    R_nb, p_n_m, v_n_mps = np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3))
+    aux = np.empty((n, layout.width - AUX))
+    for row, k in enumerate(numbers):
+        x, v, vector = layout.keyframe(k)
+        pose = values.atPose3(x).matrix()  # a third of rotation's and translation's time
+        R_nb[row], p_n_m[row], v_n_mps[row] = pose[:3, :3], pose[:3, 3], read(v)
+        aux[row] = values.atConstantBias(vector).vector() if layout.gyroscope else read(vector)
+    constants = np.concatenate([np.empty(0), *map(read, layout.constant_keys)])
+    return States(R_nb, p_n_m, v_n_mps, aux, constants)
 
 
 def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> None:
@@ -79,85 +81,39 @@ def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> No
         values.insert(key, at[first : first + part])
 
 
-def insert_variables(
-    values: gtsam.Values,
-    layout: Layout,
-    variables: Iterable[int],
-    at: States,
-    rows: Mapping[int, int],
-) -> None:
-    """Add what factors touch: of keyframe k what stands in row ``rows[k]``, and constants."""
-    wanted = set(variables)
-    of_keyframes = {key for key in wanted if not keys.is_constant(key)}
-    for key, part, first in _parts(layout.constants) if of_keyframes != wanted else ():
-        if key in wanted:
-            values.insert(key, at.constants[first : first + part])
-    for key in of_keyframes:
-        k = keys.index(key)
-        row = rows[k]
-        x, v, _ = layout.keyframe(k)
-        if key == x:
-            values.insert(x, gtsam.Pose3(gtsam.Rot3(at.R_nb[row]), at.p_n_m[row]))
-        elif key == v:
-            values.insert(v, at.v_n_mps[row])
-        else:
-            values.insert(key, as_bias(at.aux[row]) if layout.gyroscope else at.aux[row])
-
-
 def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
     """Return the biases of a state with a gyroscope, (6,), as GTSAM's type."""
     return gtsam.imuBias.ConstantBias(aux[:3], aux[3:])
 
 
-class KeyframeMeasurements:
-    """Measurements of a problem by keyframe.
-
-    Parameters
-    ----------
-    problem : Problem
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        edges = np.arange(len(problem.t_s) + 1)
-        self._of = [
-            (measurement, np.searchsorted(measurement.row, edges).tolist())
-            for measurement in problem.sensors
-        ]
-
-    def factors(self, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
-        """Yield what row ``row`` measured, as factors of keyframe k."""
-        for measurement, first in self._of:
-            for i in range(first[row], first[row + 1]):
-                yield measurement.factor(i, k)
+def sensor_factors(problem: Problem, row: int, k: int) -> Iterator[gtsam.NonlinearFactor]:
+    """Yield the measurements of a problem's row as factors of keyframe k."""
+    for sensor in problem.sensors:
+        for i in range(*sensor.row.searchsorted((row, row + 1)).tolist()):
+            yield sensor.factor(i, k)
 
 
-def keyframe_priors(problem: Problem, k: int = 0) -> list[gtsam.NonlinearFactor]:
+def keyframe_priors(problem: Problem) -> list[gtsam.NonlinearFactor]:
     """Build the priors of the first keyframe.
 
     Pose about where the search starts, velocity about zero, both hardly known; ``aux`` as the
     motion states it.
-
-    Parameters
-    ----------
-    problem : Problem
-    k : int
-        Number of that keyframe in the graph.
     """
     layout, (R_nb, P) = Layout.of(problem), pose_prior(problem)
-    x, v, _ = layout.keyframe(k)
+    x, v, _ = layout.keyframe(0)
     pose = gtsam.Pose3(gtsam.Rot3(R_nb), problem.start.p_n_m[0])
     gaussian = gtsam.noiseModel.Gaussian.Covariance
     return [
         gtsam.PriorFactorPose3(x, pose, gaussian(P[:6, :6])),
         gtsam.PriorFactorVector(v, np.zeros(3), gaussian(P[6:, 6:])),
-        _aux_prior(problem.motion, layout, k),
+        _aux_prior(problem.motion, layout),
     ]
 
 
-def _aux_prior(motion: Motion, layout: Layout, k: int) -> gtsam.NonlinearFactor:
+def _aux_prior(motion: Motion, layout: Layout) -> gtsam.NonlinearFactor:
     """Return ``rows @ (aux - mean, constants)``, white, as a linear factor."""
     mean, rows = motion.prior(layout.constants.width)
-    aux, n = layout.keyframe(k)[2], motion.aux
+    aux, n = layout.keyframe(0)[2], motion.aux
     point = gtsam.Values()
     point.insert(aux, as_bias(mean) if layout.gyroscope else mean)
     terms = [(aux, rows[:, :n])]

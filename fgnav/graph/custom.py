@@ -5,11 +5,10 @@ the process dies, or the estimate is wrong without a word; NaN comes back as "in
 no step at all. So ``residual_factor`` checks every shape and value before GTSAM sees it.
 
 A ``BadInputError`` of a factor passes through GTSAM 4.3.0 as it is, out of ``error``,
-``linearize``, ISAM2, the fixed-lag smoother and Levenberg-Marquardt. The first one is kept with the
-factor, too, for solvers that run GTSAM where an exception would be lost: ``raise_pending``.
+``linearize``, ISAM2, the fixed-lag smoother and Levenberg-Marquardt.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -112,16 +111,10 @@ def named(factor: NamedFactor | gtsam.NonlinearFactor) -> NamedFactor:
     return NamedFactor(type(factor).__name__, factor)
 
 
-def newest_keyframe(factor: NamedFactor | gtsam.NonlinearFactor) -> int:
-    """Return the number of the newest keyframe that a factor touches; -1 of none."""
-    keys_of = named(factor).factor.keys()
-    return max((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
-
-
-def oldest_keyframe(factor: NamedFactor | gtsam.NonlinearFactor) -> int:
-    """Return the number of the oldest keyframe that a factor touches; -1 of none."""
-    keys_of = named(factor).factor.keys()
-    return min((symbols.index(key) for key in keys_of if symbols.letter(key) in "xvbm"), default=-1)
+def touched_keyframes(factor: gtsam.NonlinearFactor) -> list[int]:
+    """Return the numbers of the keyframes that a factor touches, increasing."""
+    involved = list(factor.keys())
+    return sorted({symbols.index(key) for key in involved if symbols.letter(key) in "xvbm"})
 
 
 def check_factor(factor: NamedFactor, values: gtsam.Values) -> None:
@@ -147,18 +140,6 @@ def check_factor(factor: NamedFactor, values: gtsam.Values) -> None:
         raise BadInputError(f"factor {factor.name!r}: {text}") from raised
     if not np.isfinite(error):
         raise BadInputError(f"factor {factor.name!r}: its error is not finite")
-
-
-def raise_pending(factors: Iterable[NamedFactor]) -> None:
-    """Raise the first error that a factor met while GTSAM evaluated it, if there is one.
-
-    Raises
-    ------
-    BadInputError
-    """
-    for factor in factors:
-        if factor.model is not None and factor.model.failures:
-            raise factor.model.failures.pop()
 
 
 def _noise_model(name: str, noise: Noise, dimension: int | None) -> gtsam.noiseModel.Base:

@@ -17,7 +17,7 @@ References
    Integrated Navigation Systems, 2nd edition, 2013, section 14.3.1 (synchronisation).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import gtsam
 import numpy as np
@@ -25,15 +25,16 @@ import numpy as np
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
 from fgnav.graph import delayed_kernel
-from fgnav.graph.kernel_factor import Use, sensor_factor
+from fgnav.graph.sensor_rows import WrappedSensor, rate_variables, sensor_factor
 from fgnav.graph.types.arrays import contiguous
 from fgnav.graph.types.parameters import Parameters
-from fgnav.graph.types.sensor import Linearised, Sensor, WrappedSensor
+from fgnav.graph.types.sensor import Linearised, Sensor
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 
 CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY = "clock offset", "clock rate", "velocity delay"
 _NO_GYROSCOPE = np.empty((0, 3))
+PPM = 1e-6
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -53,32 +54,16 @@ class TimedMotion:
 
     def __post_init__(self) -> None:
         """Make the arrays as the kernel is compiled for."""
-        for name in (
-            "since_s",
-            "force_before_b_mps2",
-            "force_after_b_mps2",
-            "measured_b_radps",
-            "slope_b_radps2",
-            "gravity_n_mps2",
-            "earth_rate_n_radps",
-        ):
-            value = getattr(self, name)
+        for one in fields(self):
+            value = getattr(self, one.name)
             if value is not None and not value.flags.carray:
-                object.__setattr__(self, name, np.require(value, np.float64, ["C", "W"]))
+                object.__setattr__(self, one.name, np.require(value, value.dtype, ["C", "W"]))
 
     def at(self, row: IntArray) -> "TimedMotion":
         """Select keyframes, (k,)."""
-        rate, slope = self.measured_b_radps, self.slope_b_radps2
-        return replace(
-            self,
-            since_s=self.since_s[row],
-            force_before_b_mps2=self.force_before_b_mps2[row],
-            force_after_b_mps2=self.force_after_b_mps2[row],
-            led=self.led[row],
-            measured_b_radps=None if rate is None else rate[row],
-            slope_b_radps2=None if slope is None else slope[row],
-            gravity_n_mps2=self.gravity_n_mps2[row],
-        )
+        given = {one.name: getattr(self, one.name) for one in fields(self)}
+        del given["earth_rate_n_radps"]
+        return replace(self, **{name: v[row] for name, v in given.items() if v is not None})
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -96,22 +81,17 @@ class Delayed(WrappedSensor):
 
     def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of some, (j,), see ``Sensor``."""
-        at, indices = contiguous(at, indices)
-        offset, rate, delay = map(self.constants.column, self.times)
-        columns = offset, rate, delay
-        values = (
-            at.constants[None] if len(indices) == 1 else np.tile(at.constants, (len(indices), 1))
+        later_s, by_constant = _delays(
+            self.constants, self.times, at.constants, self.motion.since_s[indices]
         )
-        later_s, by_constant = delayed_kernel.later(values, columns, self.motion.since_s, indices)
-        moved, Phi, by_time = _carried(at, indices, later_s, self.motion)
+        moved, Phi, by_time = _carried(*contiguous(at, indices), later_s, self.motion)
         value, state, shared = self.measurement.linearise(moved, indices)
-        of_moved = np.ascontiguousarray(state), np.ascontiguousarray(shared)
-        return Linearised(value, *delayed_kernel.led_back(*of_moved, Phi, by_time, by_constant))
+        by_delay = np.einsum("kmd,kd->km", state, by_time)[:, :, None]
+        return Linearised(value, state @ Phi, shared + by_delay * by_constant[:, None])
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as a factor of keyframe ``key``."""
-        vector: Use = "angular_motion" if self.motion.measured_b_radps is None else "imu_bias"
-        return sensor_factor(self, i, key, ("pose", "velocity", vector))
+        return sensor_factor(self, i, key, rate_variables(self.motion.measured_b_radps))
 
 
 def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters) -> Solution:
@@ -119,16 +99,13 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
 
     Both are the same where no clock is among the constants.
     """
-    offset, rate = (constants.column(name) for name in (CLOCK_OFFSET, CLOCK_RATE))
-    if offset < 0:
+    if constants.column(CLOCK_OFFSET) < 0:
         return solution
     at = solution.states
-    values = np.tile(at.constants, (len(at.R_nb), 1))
-    if solution.constants is not None:
-        values = np.ascontiguousarray(solution.constants)
-    columns, rows = (offset, rate, -1), np.arange(len(values))
-    later_s, by_constant = delayed_kernel.later(values, columns, motion.since_s, rows)
-    moved, Phi, by_time = _carried(*contiguous(at, rows), later_s, motion)
+    values = at.constants if solution.constants is None else solution.constants
+    times = CLOCK_OFFSET, CLOCK_RATE, ""
+    later_s, by_constant = _delays(constants, times, values, motion.since_s)
+    moved, Phi, by_time = _carried(*contiguous(at, np.arange(len(later_s))), later_s, motion)
     B = by_time[:, :, None] * by_constant[:, None, :]
     X, S = solution.constant_cross, solution.constant_covariance
     cross = Phi @ X @ transpose(B)
@@ -142,6 +119,28 @@ def on_gnss_time(solution: Solution, motion: TimedMotion, constants: Parameters)
         cross=None,
         constant_cross=Phi @ X + B @ S,
     )
+
+
+def _delays(
+    constants: Parameters, times: tuple[str, str, str], values: FloatArray, since_s: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Compute how much later j states are, (j,), and the derivatives by the constants, (j, b).
+
+    Parameters
+    ----------
+    constants : Parameters
+    times : tuple of str
+        Names of the clock's offset, its rate, and a delay; none of those that are not estimated.
+    values : ndarray, shape (b,) or (j, b)
+    since_s : ndarray, shape (j,)
+        From the time at which the offset holds.
+    """
+    by_constant = np.zeros((len(since_s), constants.width))
+    slopes = np.stack([-np.ones(len(since_s)), -PPM * since_s, -np.ones(len(since_s))])
+    for name, slope in zip(times, slopes, strict=True):
+        if (column := constants.column(name)) >= 0:
+            by_constant[:, column] = slope
+    return (by_constant * values).sum(axis=1), by_constant
 
 
 def _carried(

@@ -10,8 +10,6 @@ from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.kernels.compiled import kernel
 
-PPM = 1e-6
-
 
 @kernel
 def carried(
@@ -67,7 +65,7 @@ def carried(
         later, by_force = rot.product(R, turn), rot.product(R, rot.skew(f))
         back = rot.transposed(later)
         turning, to_later = rot.product(J, rot.skew(earth_b)), rot.product(back, R)
-        by_turn = rot.product(back, by_force)
+        by_rotation = rot.product(back, by_force)
         for i in range(D):
             Phi[k, i, i] = 1.0
         for i in range(3):
@@ -85,7 +83,7 @@ def carried(
                 R_later[k, i, j] = later[i, j]
                 Phi[k, i, j] = turn[j, i] - (s * turning[i, j] if measured else 0.0)
                 Phi[k, i, 12 + j] = -s * J[i, j] if measured else s * J[i, j]
-                Phi[k, 3 + i, j] = -s * s / 2 * by_turn[i, j]
+                Phi[k, 3 + i, j] = -s * s / 2 * by_rotation[i, j]
                 Phi[k, 3 + i, 3 + j] = to_later[i, j]
                 Phi[k, 3 + i, 6 + j] = s * back[i, j]
                 Phi[k, 3 + i, 9 + j] = -s * s / 2 * to_later[i, j]
@@ -95,70 +93,3 @@ def carried(
         for i in range(3):
             rate[k, 3 + i] = v_b[i]
     return R_later, p, v, aux, Phi, rate
-
-
-@kernel
-def later(
-    constants: FloatArray,
-    columns: tuple[int, int, int],
-    since_s: FloatArray,
-    indices: IntArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the delays of j states, (j,), and their derivatives by the constants, (j, b).
-
-    Parameters
-    ----------
-    constants : ndarray, shape (j, b)
-    columns : tuple of int
-        Of the clock's offset, its rate, and a delay; negative: not estimated.
-    since_s : ndarray, shape (k,)
-        From the time at which the offset holds.
-    indices : ndarray of int, shape (j,)
-        Rows of it.
-    """
-    j, b = constants.shape
-    later_s, by_constant = np.zeros(j), np.zeros((j, b))
-    for k in range(j):
-        slopes = (-1.0, -PPM * since_s[indices[k]], -1.0)
-        for c in range(3):
-            if columns[c] >= 0:
-                by_constant[k, columns[c]] = slopes[c]
-        for c in range(b):
-            later_s[k] += by_constant[k, c] * constants[k, c]
-    return later_s, by_constant
-
-
-@kernel
-def led_back(
-    state: FloatArray,
-    shared: FloatArray,
-    Phi: FloatArray,
-    rate: FloatArray,
-    by_constant: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives by states before they were carried, (j, m, D), and constants, (j, m, b).
-
-    Parameters
-    ----------
-    state, shared : ndarray, shapes (j, m, D), (j, m, b)
-        By the states carried, and by constants beside.
-    Phi, rate : ndarray, shapes (j, D, D), (j, D)
-        Derivatives of these, by states before and by time.
-    by_constant : ndarray, shape (j, b)
-        Of the time that they are carried.
-    """
-    j, m, D = state.shape
-    b = by_constant.shape[1]
-    by_state, by_shared = np.zeros((j, m, D)), shared.copy()
-    for k in range(j):
-        for i in range(m):
-            by_time = 0.0
-            for c in range(D):
-                one = state[k, i, c]
-                if one != 0.0:
-                    by_time += one * rate[k, c]
-                    for d in range(D):
-                        by_state[k, i, d] += one * Phi[k, c, d]
-            for d in range(b):
-                by_shared[k, i, d] += by_time * by_constant[k, d]
-    return by_state, by_shared

@@ -19,8 +19,8 @@ from scipy.special import chdtr, chdtri
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.build import Layout, insert_variables
-from fgnav.graph.custom import NamedFactor
+from fgnav.graph.build import Layout, insert_constants, insert_keyframe
+from fgnav.graph.custom import NamedFactor, touched_keyframes
 from fgnav.graph.innovation.phase_redundancy import phase_innovations
 from fgnav.graph.innovation.place_by_code import place_innovation
 from fgnav.graph.types.problem import Problem
@@ -150,10 +150,10 @@ def innovations_of(
     if solution.constants is not None:  # known worse by then than at the end
         change = solution.constants[rows] - solution.states.constants
         value = value + np.einsum("kib,kb->ki", shared, change)
-    seen, also = _any(state), _any(shared)
-    J = np.concatenate([state[:, :, seen], shared[:, :, also]], axis=2)
-    P = _joint(solution, rows, seen, also)
-    white, tested, rounding = _whitened(value, J, P, rounding)
+    J = np.concatenate([state, shared], axis=2)
+    used = J.any(axis=(0, 1))
+    P = _covariance(solution, rows[:, None])[:, used][:, :, used]
+    white, tested, rounding = _whitened(value, J[:, :, used], P, rounding)
     lagged = np.append(np.zeros(1), np.einsum("ki,ki->k", white[1:], white[:-1]))[: len(white)]
     squared = (white**2).sum(axis=1)
     return Innovations(squared, measurement.freedom[indices], tested, lagged), rounding
@@ -182,7 +182,7 @@ def custom_innovations(
     first : int
         Number of the solution's first keyframe, as in the factors' keys.
     """
-    evaluated = [_of_own(factor.factor, layout, solution, first) for factor in factors]
+    evaluated = [_evaluated(factor.factor, layout, solution, first) for factor in factors]
     squared = np.array([one.r @ one.r for one in evaluated])
     tested = np.ones(len(evaluated), dtype=np.bool_)
     for indices in _alike(evaluated, solution):  # at once, not one by one
@@ -204,7 +204,7 @@ def custom_innovations(
     )
 
 
-class _Own(NamedTuple):
+class _Evaluated(NamedTuple):
     """A custom factor, linearised at a solution."""
 
     r: FloatArray  # (m,), whitened
@@ -213,17 +213,22 @@ class _Own(NamedTuple):
     seen: IntArray  # (d,), where its variables stand among their states, then the constants
 
 
-def _of_own(factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int) -> _Own:
+def _evaluated(
+    factor: gtsam.NonlinearFactor, layout: Layout, solution: Solution, first: int
+) -> _Evaluated:
+    """Linearise a custom factor at a solution."""
     involved = list(factor.keys())
-    rows = tuple(sorted({keys.index(key) - first for key in involved if not keys.is_constant(key)}))
-    values, at = gtsam.Values(), solution.states
+    rows = tuple(k - first for k in touched_keyframes(factor))
+    values, constants = gtsam.Values(), solution.states.constants
     if rows and solution.constants is not None:
-        at = at._replace(constants=solution.constants[rows[-1]])
-    insert_variables(values, layout, involved, at, {row + first: row for row in rows})
+        constants = solution.constants[rows[-1]]
+    insert_constants(values, layout, constants)
+    for row in rows:
+        insert_keyframe(values, layout, row + first, solution.states, row)
     J, minus_r = factor.linearize(values).jacobian()
     place = {row + first: layout.width * i for i, row in enumerate(rows)}
     seen = [_columns(layout, key, place) for key in involved]
-    return _Own(-minus_r, J, rows, np.concatenate(seen))
+    return _Evaluated(-minus_r, J, rows, np.concatenate(seen))
 
 
 def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
@@ -238,12 +243,12 @@ def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
     return place[k] + np.arange(begin, end)
 
 
-def _alike(evaluated: Sequence[_Own], solution: Solution) -> list[list[int]]:
+def _alike(evaluated: Sequence[_Evaluated], solution: Solution) -> list[list[int]]:
     """Return factors of the same dimensions whose variables' joint covariance is known."""
     alike: dict[tuple[object, ...], list[int]] = {}
     for i, one in enumerate(evaluated):
-        apart = one.rows[-1] - one.rows[0] if one.rows else 0
-        if len(one.rows) < 2 or (apart == 1 and solution.cross is not None):
+        separation = one.rows[-1] - one.rows[0] if one.rows else 0
+        if len(one.rows) < 2 or (separation == 1 and solution.cross is not None):
             kind = (len(one.rows), one.J.shape, *one.seen.tolist())
             alike.setdefault(kind, []).append(i)
     return list(alike.values())
@@ -266,19 +271,6 @@ def _covariance(solution: Solution, rows: IntArray) -> FloatArray:
             [cross[0].swapaxes(1, 2), cross[1].swapaxes(1, 2), shared],
         ]
     )
-
-
-def _joint(solution: Solution, rows: IntArray, seen: BoolArray, also: BoolArray) -> FloatArray:
-    """Return the covariance of some dimensions of states and constants at rows, (k, d, d)."""
-    P = solution.covariance[rows][:, seen][:, :, seen]
-    cross = solution.constant_cross[rows][:, seen][:, :, also]
-    shared = solution.constant_covariance[rows][:, also][:, :, also]
-    return np.block([[P, cross], [cross.swapaxes(1, 2), shared]])
-
-
-def _any(J: FloatArray) -> BoolArray:
-    """Return the columns that are not zero throughout, of (k, m, d)."""
-    return np.asarray(J.any(axis=(0, 1)))
 
 
 def _whitened(

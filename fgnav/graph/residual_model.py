@@ -1,7 +1,7 @@
 """A residual of a graph's variables and its Jacobians, evaluated with every shape checked."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import isfinite
 from typing import Any, TypeAlias
 
@@ -12,24 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.graph import keys as symbols
 
-Variable: TypeAlias = Any  # as in gtsam.Values: Pose3, ConstantBias, ndarray, float
+Variable: TypeAlias = Any  # as in gtsam.Values: Pose3, ConstantBias, ndarray
 Residual: TypeAlias = Callable[..., ArrayLike]
 Jacobian: TypeAlias = Callable[..., Sequence[ArrayLike]]
 
 STEP = 1e-5  # of central differences, rad, m, m/s: about the cube root of rounding
-_READER_BY_LETTER = {"x": "atPose3", "b": "atConstantBias"}
-_READERS = (  # in the order in which they are tried; gtsam.Values has none for any type
-    "atPose3",
-    "atVector",
-    "atConstantBias",
-    "atDouble",
-    "atRot3",
-    "atUnit3",
-    "atNavState",
-    "atPose2",
-    "atRot2",
-    "atPoint2",
-)
+_READERS = {"x": "atPose3", "b": "atConstantBias"}  # of ``gtsam.Values`` by letter; else atVector
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -41,12 +29,6 @@ class ResidualModel:
     residual: Residual
     jacobian: Jacobian | None  # none: central differences along each variable's own tangent
     rows: int  # m, of the residual
-    # The first one since ``raise_pending``; filled while GTSAM evaluates.
-    failures: list[BadInputError] = field(default_factory=list)
-    # How each variable was read last: a reader of another type costs an exception.
-    readers: dict[int, str] = field(default_factory=dict)
-    # Dimensions of each variable's tangent, once they are known.
-    sizes: list[int] = field(default_factory=list)
 
     def variables(self, values: gtsam.Values) -> list[Variable]:
         """Return the factor's variables as they are in the values.
@@ -56,7 +38,15 @@ class ResidualModel:
         BadInputError
             If one is not among them.
         """
-        return [self._variable(values, key) for key in self.keys]
+        variables = []
+        for key in self.keys:
+            if not values.exists(key):
+                raise BadInputError(
+                    f"factor {self.name!r}: {spelt(key)} is not among the variables"
+                )
+            read = getattr(values, _READERS.get(symbols.letter(key), "atVector"))
+            variables.append(read(key))
+        return variables
 
     def value(self, variables: Sequence[Variable]) -> NDArray[np.float64]:
         """Return the residual, (m,).
@@ -97,9 +87,7 @@ class ResidualModel:
                 f"{len(self.keys)}, one for each of {', '.join(map(spelt, self.keys))}"
             )
         for j, (variable, block) in enumerate(zip(variables, blocks, strict=True)):
-            if len(self.sizes) == j:
-                self.sizes.append(_size(variable))
-            self._check("jacobian", block, (self.rows, self.sizes[j]), self.keys[j])
+            self._check("jacobian", block, (self.rows, _size(variable)), self.keys[j])
         return blocks
 
     def differences(self, variables: Sequence[Variable]) -> list[NDArray[np.float64]]:
@@ -120,40 +108,12 @@ class ResidualModel:
         self, _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
     ) -> NDArray[np.float64]:
         """Return the residual and set its Jacobians: GTSAM's error function."""
-        try:
-            variables = self.variables(values)
-            value = self.value(variables)
-            blocks = None if H is None else self.jacobians(variables)
-        except BadInputError as error:
-            if not self.failures:
-                self.failures.append(error)
-            raise
-        if H is not None and blocks is not None:
-            for j, block in enumerate(blocks):
+        variables = self.variables(values)
+        value = self.value(variables)
+        if H is not None:
+            for j, block in enumerate(self.jacobians(variables)):
                 H[j] = block
         return value
-
-    def _variable(self, values: gtsam.Values, key: int) -> Variable:
-        reader = self.readers.get(key)
-        if reader is not None:
-            try:
-                return getattr(values, reader)(key)
-            except RuntimeError:  # of another type by now, or gone
-                pass
-        if not values.exists(key):
-            raise BadInputError(f"factor {self.name!r}: {spelt(key)} is not among the variables")
-        first = _READER_BY_LETTER.get(symbols.letter(key), "atVector")
-        for reader in (first, *_READERS):
-            try:
-                variable = getattr(values, reader)(key)
-            except RuntimeError:  # of another type
-                continue
-            self.readers[key] = reader
-            return variable
-        raise BadInputError(
-            f"factor {self.name!r}: {spelt(key)} must be one of "
-            f"{', '.join(reader.removeprefix('at') for reader in _READERS)}"
-        )
 
     def _check(
         self,
@@ -187,16 +147,10 @@ def spelt(key: int) -> str:
 
 
 def _size(variable: Variable) -> int:
-    """Return the dimensions of a variable's tangent."""
-    if isinstance(variable, float):
-        return 1
-    if isinstance(variable, np.ndarray):
-        return len(variable)
-    return len(variable.localCoordinates(variable))  # ConstantBias and NavState have no dim
+    """Return the dimensions of a variable's tangent: ConstantBias has no ``dim``."""
+    return len(variable) if isinstance(variable, np.ndarray) else 6
 
 
 def _retracted(variable: Variable, step: FloatArray) -> Variable:
     """Return a variable a step along its tangent away."""
-    if isinstance(variable, float):
-        return variable + float(step[0])
     return variable + step if isinstance(variable, np.ndarray) else variable.retract(step)

@@ -2,24 +2,20 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from fgnav.checks import Unused
-
-if TYPE_CHECKING:
-    import gtsam
-
-    from fgnav.graph.custom import NamedFactor
+from fgnav.graph.custom import NamedFactor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sourced:
     """Factors, and what the estimate reports of those that are left out."""
 
-    factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()
+    factors: tuple[NamedFactor, ...] = ()
     unused: tuple[Unused, ...] = ()  # answers that are left out, with the reason
     notes: tuple[str, ...] = ()  # what a reader of the result should know, one sentence each
+    networks: tuple[str, ...] = ()  # names of those that were asked
 
-    def __iter__(self) -> "Iterator[gtsam.NonlinearFactor | NamedFactor]":
+    def __iter__(self) -> Iterator[NamedFactor]:
         """Yield the factors."""
         return iter(self.factors)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, cast
+from typing import Any
 
 from fgnav.checks import BadInputError, FloatArray, positive
 from fgnav.graph.between import MOST_TIMES
@@ -11,33 +11,19 @@ from fgnav.types.estimate import Estimate, Estimator
 from fgnav.types.flight import Flight
 
 
-class AnyTime(Protocol):
-    """A method that knows the motion between its epochs, too."""
-
-    @property
-    def name(self) -> str:
-        """Short label."""
-        ...
-
-    def at(
-        self, flight: Flight, t_s: FloatArray | None = None, *, rate_hz: float | None = None
-    ) -> Estimate:
-        """Estimate at times, (m,), or at a rate."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AtTimes:
     """A method's estimates at chosen times instead of its own epochs."""
 
     name: str
-    method: AnyTime
+    method: Any  # with ``at``: it knows the motion between its epochs, too
     t_s: FloatArray | None = None  # (m,)
     rate_hz: float | None = None  # one of both
 
     def __call__(self, flight: Flight) -> Estimate:
         """Estimate; raises as ``method.at`` does."""
-        return self.method.at(flight, self.t_s, rate_hz=self.rate_hz)
+        estimate: Estimate = self.method.at(flight, self.t_s, rate_hz=self.rate_hz)
+        return estimate
 
 
 def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Estimator:
@@ -54,14 +40,13 @@ def at_times(method: Estimator, times: Path | None, rate_hz: float | None) -> Es
         raise BadInputError("--at and --rate: name one of them")
     if not hasattr(method, "at"):
         raise BadInputError(f"--at, --rate: {method.name} knows its own epochs alone")
-    any_time = cast("AnyTime", method)
     if times is not None:
         t_s = read_table(times, ["t_s"])["t_s"]
         if len(t_s) > MOST_TIMES:
             raise BadInputError(
                 f"{times}: has {len(t_s)} times, at most {MOST_TIMES} are estimated at once"
             )
-        return AtTimes(name=method.name, method=any_time, t_s=t_s)
+        return AtTimes(name=method.name, method=method, t_s=t_s)
     rate = float(rate_hz or 0.0)
     positive("--rate", rate)
-    return AtTimes(name=method.name, method=any_time, rate_hz=rate)
+    return AtTimes(name=method.name, method=method, rate_hz=rate)

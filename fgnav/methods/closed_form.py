@@ -253,11 +253,11 @@ def _motion(
     if track is None or flight.observations is not None:
         return body_motion(flight, t_s, R_nb)
     v_n_mps = None if track.v_n_mps is None else track.v_n_mps[keep]
-    has_swing = v_n_mps is not None and track.arm_b_m.any()
+    has_arm_velocity = v_n_mps is not None and track.arm_b_m.any()
     return BodyMotion(
         p_n_m=track.p_n_m[keep] - R_nb @ track.arm_b_m,
         v_n_mps=v_n_mps,
-        notes=(note("W504", antenna="the antenna"),) if has_swing else (),
+        notes=(note("W504", antenna="the antenna"),) if has_arm_velocity else (),
     )
 
 

@@ -1,10 +1,10 @@
 """The forward filter fed with raw observations, epoch by epoch, as instruments hand them out."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,18 +14,17 @@ from fgnav.assembly.problem import build_problem
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.solution import Solution
 from fgnav.methods.causal import Identification, identification, identification_times_s
 from fgnav.methods.smoother import Forward
-from fgnav.methods.smoothing.concatenation import concatenate_estimates
+from fgnav.methods.smoothing.concatenation import concatenate_estimates, no_keyframes
 from fgnav.methods.smoothing.estimates import stated_at
 from fgnav.methods.streaming.going_on import GoingOn, going_on
 from fgnav.methods.streaming.recording import concatenate_flights, epochs_s, pieces
-from fgnav.solve.sliding.departed import joined_solution, with_open_heading
+from fgnav.solve.fixed_lag import joined_solution, with_open_heading
+from fgnav.solve.sliding.window import FixedLag
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
-
-if TYPE_CHECKING:
-    from fgnav.solve.fixed_lag import Departed, FixedLag
 
 _ROUNDING_S = 1e-6
 
@@ -36,7 +35,7 @@ class _Keyframe(NamedTuple):
     prepared: PreparedFlight
     problem: Problem
     row: int
-    known: "Departed"
+    known: Solution
 
 
 @dataclass(slots=True)
@@ -84,7 +83,7 @@ class ObservationStream:
         self._window: FixedLag | None = None
         self._of: tuple[float, int, bool] | None = None  # look, constants, open
         self._taken_s = -np.inf  # keyframe that entered it last
-        self._newest: Departed
+        self._newest: Solution
         self._last_s = -np.inf  # keyframe that was returned last
         self._looked_s = -np.inf  # when noise was identified last
         self._identified = Identification()  # by then
@@ -144,11 +143,11 @@ class ObservationStream:
         parts, name = [], self._method.name
         for problem, group in groupby(self._due(until_s), key=lambda one: one.problem):
             part = list(group)
-            solution = replace(joined_solution([one.known for one in part]), cross=None)
+            known = joined_solution((one.known for one in part), len(part))
             rows = np.array([one.row for one in part])
-            parts.append(stated_at(name, part[0].prepared, problem, solution, rows))
+            parts.append(stated_at(name, part[0].prepared, problem, known, rows))
         if not parts:
-            return Estimate(method=name, t_s=np.empty(0), n_epochs=0, R_nb=np.empty((0, 3, 3)))
+            return no_keyframes(name)
         count = sum(len(part.t_s) for part in parts)
         return concatenate_estimates(parts, count, count)
 
@@ -239,8 +238,6 @@ class ObservationStream:
 
     def _advance(self, prepared: PreparedFlight, problem: Problem, end: int) -> None:
         """Let keyframes before a row enter the window."""
-        from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
-
         if self._window is None:
             self._window, self._taken_s = FixedLag(self._method.lag_s, 0.0), -np.inf
         opening, window = prepared.opening, self._window

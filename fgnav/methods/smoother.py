@@ -5,42 +5,47 @@ All three estimate the same factor graph (docs/theory/factor_graph.md), which GT
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.assembly.position.by_observations import LastObservations
-from fgnav.assembly.prepared import PreparedFlight
+from fgnav.assembly.prepared import Build, PreparedFlight
 from fgnav.assembly.problem import build_problem
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import BadInputError, FloatArray, NoSolutionError, positive
+from fgnav.diagnostics.corrections import corrected_set_up
 from fgnav.graph.between import nearest_keyframes, regular_times, with_times
-from fgnav.graph.innovations import InnovationSeries, innovation_series
+from fgnav.graph.build import Layout
+from fgnav.graph.custom import NamedFactor
+from fgnav.graph.innovations import InnovationSeries, custom_innovations, innovation_series
 from fgnav.graph.types.solution import Solution
 from fgnav.gravity import GravityEstimator
 from fgnav.integers.resolvers.registry import default_resolver
 from fgnav.integrity.exclusion import without_contradictions
 from fgnav.integrity.imu_recording import with_noise_of_record
+from fgnav.integrity.specific_force import force_innovations
 from fgnav.integrity.verdict import judge
 from fgnav.kernels.one_thread import in_one_thread
 from fgnav.messages import note
+from fgnav.methods.causal import Stretch, stretches
 from fgnav.methods.smoothing.concatenation import among, concatenate_estimates
+from fgnav.methods.smoothing.custom_heading import with_custom_heading
 from fgnav.methods.smoothing.custom_sources import FactorSource, custom_factors
 from fgnav.methods.smoothing.default_networks import default_networks
 from fgnav.methods.smoothing.estimates import estimate_of
 from fgnav.methods.smoothing.graph_summary import graph_summary
+from fgnav.methods.smoothing.rate_identification import identified_by_evidence
 from fgnav.methods.smoothing.solving import at_once, by_window, without_attitudes
+from fgnav.noise.identify import identified
+from fgnav.noise.report import implausible, noise_notes
 from fgnav.process.hyperparameters import RatePrior
+from fgnav.solve.fixed_lag import solve_forward
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.types.estimate import Estimate
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver
-
-if TYPE_CHECKING:
-    from fgnav.assembly.prepared import Build
-    from fgnav.graph.custom import NamedFactor
-    from fgnav.methods.causal import Stretch
 
 __all__ = ["Batch", "Forward", "Smoother"]
 
@@ -182,8 +187,6 @@ class Smoother:
 
     def _prepared(self, flight: Flight) -> PreparedFlight:
         """Return the smoothing problem of a whole flight."""
-        from fgnav.diagnostics.corrections import corrected_set_up  # noqa: PLC0415  # lazy: scipy
-
         settings = self.preparation
         build = partial(build_problem, last=LastObservations())
         flight, notes = corrected_set_up(flight)
@@ -191,17 +194,11 @@ class Smoother:
         prepared = make(flight, settings)
         prepared = replace(prepared, notes=(*prepared.notes, *notes))
         if without_attitudes(prepared) and self.rate_prior is None:
-            from fgnav.methods.smoothing.rate_identification import (  # noqa: PLC0415  # lazy: gtsam
-                identified_by_evidence,
-            )
-
             prepared = identified_by_evidence(prepared)
         return prepared
 
-    def _stretches(self, flight: Flight, prepared: PreparedFlight) -> "tuple[Stretch, ...]":
+    def _stretches(self, flight: Flight, prepared: PreparedFlight) -> tuple[Stretch, ...]:
         """Divide the flight into intervals of the same hyperparameters."""
-        from fgnav.methods.causal import Stretch, stretches  # noqa: PLC0415  # lazy: gtsam
-
         if not (self.causal and self.noise == "estimated"):
             return (Stretch(-np.inf, np.inf, flight, prepared),)
         ahead_s = self.lag_s + 2 * BLOCK_S
@@ -254,35 +251,32 @@ class Smoother:
 
     def _with_factors(
         self,
-        sources: "tuple[FactorSource | str, ...]",
+        sources: tuple[FactorSource | str, ...],
         flight: Flight,
         prepared: PreparedFlight,
         rows: np.ndarray | None,
     ) -> Estimate:
         prepared, sourced = custom_factors(sources, flight, prepared)
         custom = sourced.factors
-        if custom:
-            from fgnav.methods.smoothing.custom_heading import with_custom_heading  # noqa: PLC0415  # lazy: gtsam
-
-            prepared = with_custom_heading(prepared, custom)
-        solution = self._solve(prepared, custom)
+        prepared = with_custom_heading(prepared, custom)
+        problem, solution = prepared.problem, self._solve(prepared, custom)
         series = (
-            *innovation_series(prepared.problem, solution),
-            *_custom_series(custom, prepared, solution),
+            *innovation_series(problem, solution),
+            *custom_innovations(custom, Layout.of(problem), problem.t_s, solution),
             *_force_series(flight, prepared),
         )
         estimate = estimate_of(self.name, prepared, solution, rows)
-        t_s = prepared.problem.t_s
+        span_s = float(problem.t_s[0]), float(problem.t_s[-1])
         return replace(
             estimate,
             consistency=tuple(one.summary for one in series),
-            verdicts=judge(series, prepared.implausible, (float(t_s[0]), float(t_s[-1]))),
-            graph=graph_summary(prepared.problem, sourced, solution, prepared.integers),
+            verdicts=judge(series, prepared.implausible, span_s),
+            graph=graph_summary(problem, sourced, solution, prepared.integers),
             unused=(*estimate.unused, *sourced.unused),
             notes=(*estimate.notes, *sourced.notes),
         )
 
-    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+    def _solve(self, prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> Solution:
         return by_window(prepared, custom, self.lag_s)
 
 
@@ -305,9 +299,7 @@ class Forward(Smoother):
     lag_s: float = 1.0
     name: str = "forward"
 
-    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
-        from fgnav.solve.fixed_lag import solve_forward  # noqa: PLC0415  # lazy: gtsam
-
+    def _solve(self, prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> Solution:
         opening = prepared.opening
         return solve_forward(prepared.problem, self.lag_s, custom=custom, opening=opening)
 
@@ -330,7 +322,7 @@ class Batch(Smoother):
     lag_s: float = 2.0
     name: str = "batch"
 
-    def _solve(self, prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+    def _solve(self, prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> Solution:
         return at_once(prepared, custom)
 
 
@@ -339,17 +331,12 @@ def _force_series(flight: Flight, prepared: PreparedFlight) -> tuple[InnovationS
     opening = prepared.opening
     if opening is None or opening.until_s < np.inf:
         return ()
-    from fgnav.integrity.specific_force import force_innovations  # noqa: PLC0415  # lazy: scipy
-
     found = force_innovations(flight)
     return () if found is None else (found,)
 
 
-def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> PreparedFlight:
+def _identified(flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
     """Return the problem of a flight with noise and times that it determines."""
-    from fgnav.noise.identify import identified  # noqa: PLC0415  # lazy: gtsam
-    from fgnav.noise.report import implausible, noise_notes  # noqa: PLC0415
-
     notes: tuple[str, ...] = ()
     if flight.imu is not None:
         imu, notes = with_noise_of_record(flight.imu)
@@ -365,15 +352,3 @@ def _identified(flight: Flight, settings: ProblemSettings, build: "Build") -> Pr
         implausible=implausible(flight, result),
         notes=(*prepared.notes, *notes, *noise_notes(flight, result)),
     )
-
-
-def _custom_series(
-    custom: "tuple[NamedFactor, ...]", prepared: PreparedFlight, solution: Solution
-) -> tuple[InnovationSeries, ...]:
-    if not custom:
-        return ()
-    from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
-    from fgnav.graph.innovations import custom_innovations  # noqa: PLC0415
-
-    problem = prepared.problem
-    return custom_innovations(custom, Layout.of(problem), problem.t_s, solution)

@@ -3,37 +3,40 @@
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from itertools import islice
 
+import gtsam
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, Unused, unused_of
+from fgnav.checks import BadInputError, FloatArray, unused_of
+from fgnav.graph.build import Layout
+from fgnav.graph.custom import NamedFactor, named, touched_keyframes
+from fgnav.graph.innovations import custom_innovations
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import Problem
+from fgnav.graph.types.solution import Solution
 from fgnav.methods.observation_stream import ObservationStream
 from fgnav.methods.smoother import Forward
 from fgnav.methods.smoothing.calibration_report import calibrated_parameters
+from fgnav.methods.smoothing.concatenation import no_keyframes
 from fgnav.methods.smoothing.custom_sources import custom_constants, with_networks, with_timelines
-from fgnav.methods.smoothing.estimates import Body, stated
-from fgnav.methods.streaming.keyframe import Before, keyframe_problem
+from fgnav.methods.smoothing.estimates import stated
+from fgnav.methods.streaming.keyframe import keyframe_problem
 from fgnav.methods.streaming.measurements import Direction, Measured, Measurements, StreamConfig
+from fgnav.solve.custom_factors import touches_newest
+from fgnav.solve.sliding.window import FixedLag
 from fgnav.types.estimate import Consistency, Estimate
 from fgnav.types.flight import Flight
 
-if TYPE_CHECKING:
-    import gtsam
-
-    from fgnav.graph.custom import NamedFactor
-    from fgnav.solve.fixed_lag import Departed
-
 __all__ = ["Direction", "Measured", "Measurements", "Stream", "StreamConfig", "StreamSource"]
 
+_METHOD = "smoother"  # what estimates of a stream are called
 # What a measurement needs to be stated of it.
 _NEEDED = {"sight": "landmark_n_m", "height_m": "barometer", "field_b_ut": "magnetometer"}
 
 
-StreamSource = Callable[[Measurements, Timeline], "Iterable[gtsam.NonlinearFactor | NamedFactor]"]
+StreamSource = Callable[[Measurements, Timeline], Iterable[gtsam.NonlinearFactor | NamedFactor]]
 
 
 class Stream:
@@ -77,18 +80,15 @@ class Stream:
     def __init__(
         self, config: StreamConfig, lag_s: float = 5.0, *, factors: tuple[StreamSource, ...] = ()
     ) -> None:
-        from fgnav.solve.fixed_lag import FixedLag  # noqa: PLC0415  # lazy: gtsam
-
-        self._set_up = config
+        self._config = config
         self._sources = with_networks(factors, config.networks)
         self._asked = custom_constants(self._sources)
         self._times_s: list[float] = []  # of all keyframes; only for sources
         self._latest: Problem | None = None
-        self._body: Body | None = None
         self._window = FixedLag(lag_s, block_s=0.0)
         self._last_s = -np.inf
         self._count = 0
-        self._measured: deque[tuple[float, FloatArray]] = deque()  # rates of keyframes kept
+        self._kept: deque[tuple[float, FloatArray]] = deque()  # times and rates of keyframes
         self._unused: Counter[tuple[str, str]] = Counter()
         self._judged: deque[NamedFactor] = deque()  # custom factors of keyframes kept
 
@@ -113,8 +113,8 @@ class Stream:
         >>> import fgnav
         >>> flight = fgnav.load_flight("demo/flight")
         >>> estimates = fgnav.Stream.replay(flight, fgnav.Forward(noise="nominal"))
-        >>> known = (estimate for estimate in estimates if len(estimate.t_s))
-        >>> len(next(known).t_s), len(next(known).t_s)  # the first wait for a rate prior
+        >>> solution = (estimate for estimate in estimates if len(estimate.t_s))
+        >>> len(next(solution).t_s), len(next(solution).t_s)  # the first wait for a rate prior
         (5, 1)
         """
         return ObservationStream.replay(flight, method)
@@ -151,52 +151,41 @@ class Stream:
             )
         for name, needed in _NEEDED.items():
             given = getattr(measurements, name) is not None
-            if given and getattr(self._set_up, needed) is None:
+            if given and getattr(self._config, needed) is None:
                 raise BadInputError(f"measurements {name}: the set-up has no {needed}")
-        before = None
-        if self._count:
-            before = Before(self._last_s, self._window.latest().solution.states.p_n_m[0])
-        problem = keyframe_problem(measurements, self._set_up, before).with_constants(self._asked)
-        if before is None:
-            self._body = Body(
-                position_b_m=measurements.imu.position_b_m,
-                earth_rate_n_radps=self._set_up.origin.earth_rate_n_radps,
-                gyroscope=measurements.imu.w_b_radps is not None,
-            )
+        p_n_m = self._window.latest().states.p_n_m[0] if self._count else None
+        problem = keyframe_problem(measurements, self._config, self._last_s, p_n_m)
+        problem = problem.with_constants(self._asked)
         custom = self._custom(measurements, problem)
-        departed = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
+        solution = self._window.update(problem, len(problem.t_s) - 1, custom=custom)
         self._latest, self._last_s = problem, measurements.t_s
         self._count += 1
         rates = problem.motion.rates_b_radps(problem.t_s[-1:], np.zeros_like(problem.start.aux[:1]))
-        self._measured.append((measurements.t_s, rates[0]))
-        estimate = self._estimate(departed)
-        while len(estimate.t_s) and self._measured[0][0] <= estimate.t_s[-1]:
-            self._measured.popleft()
+        self._kept.append((measurements.t_s, rates[0]))
+        estimate = self._leaving(solution)
+        for _ in estimate.t_s:
+            self._kept.popleft()
         return estimate
 
     def latest(self) -> Estimate:
         """Return the newest keyframe, known from what has come so far."""
-        return self._estimate(self._window.latest(), leaving=False)
+        return self._estimate(self._window.latest(), [self._kept[-1]])
 
     def flush(self) -> Estimate:
         """Return the keyframes that have not left, known from all that has come."""
-        return self._estimate(self._window.flush())
+        return self._leaving(self._window.flush())
 
     def _custom(
         self, measurements: Measurements, problem: Problem
-    ) -> "tuple[gtsam.NonlinearFactor, ...]":
+    ) -> tuple[gtsam.NonlinearFactor, ...]:
         """Return custom factors that touch the coming keyframe."""
         if not (self._sources or measurements.factors):
             return ()
-        from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
-        from fgnav.graph.custom import named  # noqa: PLC0415
-        from fgnav.solve.custom_factors import entering_stream  # noqa: PLC0415
-
         layout = Layout.of(problem)
         bounds = (layout, self._window.oldest, self._count)
         factors = []
         for one in map(named, measurements.factors):
-            if not entering_stream(one, *bounds):
+            if not touches_newest(one, *bounds):
                 raise BadInputError(
                     f"factor {one.name!r}: must touch the keyframe it enters with, {self._count}"
                 )
@@ -207,61 +196,44 @@ class Stream:
             first = len(problem.constants.parts) - len(self._asked)
             for source, its in with_timelines(self._sources, timeline, first):
                 made = source(measurements, its)
-                factors += [one for one in map(named, made) if entering_stream(one, *bounds)]
+                factors += [one for one in map(named, made) if touches_newest(one, *bounds)]
                 if isinstance(made, Sourced):
                     self._unused.update({(one.what, one.reason): one.count for one in made.unused})
         self._times_s = times_s
         self._judged.extend(factors)
         return tuple(one.factor for one in factors)
 
-    def _custom_tests(self, problem: Problem, departed: "Departed") -> tuple[Consistency, ...]:
+    def _leaving(self, solution: Solution | None) -> Estimate:
+        """Return the oldest keyframes, which leave."""
+        if solution is None or self._latest is None:
+            return no_keyframes(_METHOD)
+        estimate = self._estimate(solution, [*islice(self._kept, len(solution.covariance))])
+        unused = unused_of(self._unused)
+        self._unused.clear()
+        tests = self._custom_tests(self._latest, solution, estimate.t_s)
+        return replace(estimate, unused=unused, consistency=tests)
+
+    def _custom_tests(
+        self, problem: Problem, solution: Solution, t_s: FloatArray
+    ) -> tuple[Consistency, ...]:
         """Return the tests of custom factors that leave with keyframes.
 
         Those that reach back to keyframes which left before have nothing to be held against.
         """
-        if not self._judged:
-            return ()
-        from fgnav.graph.build import Layout  # noqa: PLC0415  # lazy: gtsam
-        from fgnav.graph.custom import newest_keyframe, oldest_keyframe  # noqa: PLC0415  # gtsam
-        from fgnav.graph.innovations import custom_innovations  # noqa: PLC0415
-
-        first = self._count - len(self._measured)
-        end, leaving = first + len(departed.t_s), []
-        while self._judged and newest_keyframe(self._judged[0].factor) < end:
+        first, leaving = self._count - len(self._kept), []
+        end = first + len(t_s)
+        while self._judged and touched_keyframes(self._judged[0].factor)[-1] < end:
             leaving.append(self._judged.popleft())
-        alone = [one for one in leaving if oldest_keyframe(one.factor) >= first]
-        of = alone, Layout.of(problem), departed.t_s, departed.solution, first
-        return tuple(one.summary for one in custom_innovations(*of))
+        alone = [one for one in leaving if touched_keyframes(one.factor)[0] >= first]
+        series = custom_innovations(alone, Layout.of(problem), t_s, solution, first)
+        return tuple(one.summary for one in series)
 
-    def _estimate(self, departed: "Departed | None", *, leaving: bool = True) -> Estimate:
-        if departed is None or self._latest is None or self._body is None:
-            return Estimate(
-                method="smoother", t_s=np.empty(0), n_epochs=0, R_nb=np.empty((0, 3, 3))
-            )
-        solution, constants = departed.solution, self._latest.constants
-        return replace(
-            stated(
-                "smoother",
-                constants,
-                solution,
-                departed.t_s,
-                self._rates_b_radps(departed.t_s, solution.states.aux),
-                self._body,
-            ),
-            calibration=calibrated_parameters(constants, solution),
-            unused=self._lost() if leaving else (),
-            consistency=self._custom_tests(self._latest, departed) if leaving else (),
-        )
-
-    def _lost(self) -> tuple[Unused, ...]:
-        """Return the measurements unused by sources since the last call, and forget them."""
-        lost = unused_of(self._unused)
-        self._unused.clear()
-        return lost
-
-    def _rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
-        """Return rates at keyframes that are in the window: states, or measured less biases."""
-        if self._body is None or not self._body.gyroscope:
-            return aux[:, 3:6]
-        measured = dict(self._measured)
-        return np.array([measured[t] for t in t_s.tolist()]).reshape(-1, 3) - aux[:, 3:6]
+    def _estimate(self, solution: Solution, kept: list[tuple[float, FloatArray]]) -> Estimate:
+        """Return keyframes by their times and measured rates."""
+        if self._latest is None:
+            return no_keyframes(_METHOD)
+        problem, vectors = self._latest, solution.states.aux[:, 3:6]
+        t_s, measured = (np.array(values) for values in zip(*kept, strict=True))
+        rates = measured - vectors if problem.gyroscope else vectors
+        constants = calibrated_parameters(problem.constants, solution)
+        return replace(stated(_METHOD, problem, solution, t_s, rates), calibration=constants)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
+from fgnav.graph.sensor_rows import WrappedSensor
 from fgnav.graph.types.motion import LinearisedMotion, Motion
-from fgnav.graph.types.sensor import Linearised, WrappedSensor
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 
 

@@ -5,14 +5,18 @@ keyframe where the motion leads, and ends in others.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 from fgnav.checks import NoSolutionError
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
 from fgnav.solve.custom_factors import Custom, CustomFactors
+from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.solve.gauss_newton import ITERATIONS, Minimum, gauss_newton
-from fgnav.solve.minima import BEGIN_LAG_S, begins, distinct, mixture
+from fgnav.solve.minima import distinct, mixture
+
+_BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 
 
 def solve_batch(problem: Problem, *, custom: Sequence[Custom] = ()) -> Solution:
@@ -35,8 +39,12 @@ def solve_batch(problem: Problem, *, custom: Sequence[Custom] = ()) -> Solution:
         If the data leave a state open, by name, wherever a search begins.
     """
     entering = CustomFactors(custom, problem)
-    ends, failure = [], NoSolutionError("state: there is nowhere to begin")
-    for states in begins(problem, entering.within(BEGIN_LAG_S)):
+    starts, ends = [problem.start], list[Minimum]()
+    failure = NoSolutionError("state: there is nowhere to begin")
+    with suppress(NoSolutionError):  # what came until then left a state open
+        held = entering.within(_BEGIN_LAG_S)
+        starts.insert(0, solve_fixed_lag(problem, _BEGIN_LAG_S, custom=held).states)
+    for states in starts:
         try:
             ends.append(gauss_newton(problem, begin=states, custom=entering.factors))
         except NoSolutionError as error:

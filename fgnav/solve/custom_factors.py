@@ -47,15 +47,15 @@ class CustomFactors:
     @property
     def factors(self) -> list[gtsam.NonlinearFactor]:
         """Return all of them."""
-        return [one.factor for entering in self._at.values() for _, one in entering]
+        return [one.factor for factors in self._at.values() for _, one in factors]
 
     def within(self, span_s: float) -> list[Custom]:
         """Return those whose keyframes are at most that far apart."""
         t_s = self._problem.t_s
         return [
             one
-            for row, entering in self._at.items()
-            for first, one in entering
+            for row, factors in self._at.items()
+            for first, one in factors
             if t_s[row] - t_s[first] <= span_s
         ]
 
@@ -67,8 +67,8 @@ class CustomFactors:
         BadInputError
             If one reaches further back than the window's oldest keyframe.
         """
-        entering = self._at.get(row, [])
-        for first, one in entering:
+        factors = self._at.get(row, [])
+        for first, one in factors:
             if first < oldest:
                 t_s = self._problem.t_s
                 raise BadInputError(
@@ -76,10 +76,10 @@ class CustomFactors:
                     f"{t_s[first]:.2f} and {t_s[row]:.2f} s, further than the window reaches; use "
                     "a longer lag or the batch"
                 )
-        return [one.factor for _, one in entering]
+        return [one.factor for _, one in factors]
 
 
-def entering_stream(one: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
+def touches_newest(one: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
     """Return True if a factor enters with the newest keyframe, which it touches then.
 
     Raises

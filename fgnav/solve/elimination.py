@@ -22,17 +22,25 @@ from typing import NamedTuple
 
 import gtsam
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 
 from fgnav.checks import FloatArray, IntArray, NoSolutionError
 from fgnav.graph.build import Layout
 from fgnav.graph.types.states import AUX
-from fgnav.solve.elimination_kernel import descended
 from fgnav.solve.failures import open_constant, open_state
-from fgnav.solve.marginals import Marginals
 
 # A pivot below this leaves a state open: sigma 1e6 m or rad, where the weakest prior has 1e3.
 # Rounding beside carrier phase (1e4 per metre) makes pivots of 1e-11 out of nothing.
 _LEAST_PIVOT = 1e-6
+
+
+class Marginals(NamedTuple):
+    """Covariances of m neighbouring keyframes, D dimensions each, and b constants."""
+
+    covariance: FloatArray  # (m, D, D)
+    cross: FloatArray  # (m, D, D), of each with the next; zero after the newest
+    constant: FloatArray  # (b, b)
+    constant_cross: FloatArray  # (m, D, b)
 
 
 class _Joint(NamedTuple):
@@ -86,8 +94,8 @@ class Elimination:
         arcs : sequence of (int, int)
             Key and size of ambiguities that end with it.
         """
-        own = self._layout.keyframe(self.oldest + len(self))
-        self._size.update(zip(own, (6, 3, self._layout.width - AUX), strict=True))
+        frontal = self._layout.keyframe(self.oldest + len(self))
+        self._size.update(zip(frontal, (6, 3, self._layout.width - AUX), strict=True))
         self._factors.append(())
         self._arcs.append(())
         self.change(len(self) - 1, factors, arcs)
@@ -137,9 +145,9 @@ class Elimination:
             If a variable is in no factor, by name.
         """
         for i in range(len(self._ends), len(self)):
-            own = self._variables(i)
+            frontal = self._variables(i)
             try:
-                end, message = _eliminate(self._factors[i], self._messages[i], own)
+                end, message = _eliminate(self._factors[i], self._messages[i], frontal)
             except RuntimeError as error:  # a variable that is in no factor
                 raise self._unconstrained(i) from error
             self._ends.append(end)
@@ -176,8 +184,8 @@ class Elimination:
             net.push_back(one)
         steps = net.optimize()
         of_keyframes = range(self.oldest, self.oldest + len(self))
-        own = [key for k in of_keyframes for key in self._layout.keyframe(k)]
-        moved: FloatArray = steps.vector(own).reshape(len(self), self._layout.width)
+        frontal = [key for k in of_keyframes for key in self._layout.keyframe(k)]
+        moved: FloatArray = steps.vector(frontal).reshape(len(self), self._layout.width)
         constants: FloatArray = steps.vector(self._constants)
         arcs: dict[int, FloatArray] = {key: steps.at(key) for of in self._arcs for key in of}
         return moved, constants, arcs
@@ -201,7 +209,7 @@ class Elimination:
             joint = self._descend(i, joint)
             if i >= end:
                 continue
-            covariance[i - begin] = joint.P[:D, :D]  # a keyframe's own come first
+            covariance[i - begin] = joint.P[:D, :D]  # a keyframe's variables come first
             if i + 1 < len(self):
                 later = self._rows(joint, self._variables(i + 1)[:3])
                 cross[i - begin] = joint.P[:D, later]
@@ -224,17 +232,18 @@ class Elimination:
 
     def _descend(self, i: int, after: _Joint) -> _Joint:
         """Return the joint covariance of a keyframe, its separators, the next and the constants."""
-        one, own = self._ends[i], self._variables(i)
+        one, frontal = self._ends[i], self._variables(i)
         carried = self._constants
         if i + 1 < len(self):
             carried = [*self._variables(i + 1), *self._constants]
         variables = list(one.keys())
         variables += [key for key in carried if key not in variables]
-        rows = self._rows(after, variables[len(own) :])
-        return _Joint(
-            self._places(variables),
-            descended(np.ascontiguousarray(one.R()), np.ascontiguousarray(one.S()), after.P, rows),
-        )
+        rows = self._rows(after, variables[len(frontal) :])
+        inverse, S = dtrtri(one.R())[0], one.S()
+        others, gain = after.P[rows[:, None], rows], inverse @ S
+        cross = -gain @ others[: S.shape[1]]
+        frontal = inverse @ inverse.T - cross[:, : S.shape[1]] @ gain.T
+        return _Joint(self._places(variables), np.block([[frontal, cross], [cross.T, others]]))
 
     def _rows(self, joint: _Joint, variables: Sequence[int]) -> IntArray:
         """Return where variables stand in a covariance."""

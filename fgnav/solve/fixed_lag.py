@@ -1,17 +1,28 @@
 """A recorded flight through the window: each keyframe by what came within a lag, or by the past."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from itertools import islice
+from typing import Any
+
+import numpy as np
 
 from fgnav.graph.types.problem import Opening, Problem
 from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
 from fgnav.progress import steps
 from fgnav.solve.custom_factors import Custom, CustomFactors
-from fgnav.solve.sliding.departed import Departed, joined_solution, opened
 from fgnav.solve.sliding.relinearisation import BLOCK_S
 from fgnav.solve.sliding.window import FixedLag
 
-__all__ = ["Departed", "FixedLag", "solve_fixed_lag", "solve_forward"]
+_BY_KEYFRAME = (
+    "covariance",
+    "cross",
+    "constant_covariance",
+    "constant_cross",
+    "refused",
+    "constants",
+)
 
 
 def solve_fixed_lag(
@@ -48,17 +59,17 @@ def solve_fixed_lag(
         If the data leave a state open.
     """
 
-    def leaving(of: Problem, end: int) -> list[Departed | None]:
+    def leaving(of: Problem, end: int) -> Iterator[Solution | None]:
         # An opening holds an arbitrary heading fixed: it has no better place to linearise.
         keep = keep_linearisation and of is problem
         window = FixedLag(lag_s, min(BLOCK_S, lag_s), keep_linearisation=keep)
-        entering = CustomFactors(custom if of is problem else (), of)
-        parts = [window.update(of, row, entering.at(row, window.oldest)) for row in steps(end)]
+        factors = CustomFactors(custom if of is problem else (), of)
+        for row in steps(end):
+            yield window.update(of, row, factors.at(row, window.oldest))
         if end == len(of.t_s) and len(window):
-            parts.append(window.flush())
-        return parts
+            yield window.flush()
 
-    return joined_solution(opened(leaving, problem, opening))
+    return joined_solution(_opened(leaving, problem, opening), len(problem.t_s))
 
 
 def solve_forward(
@@ -66,7 +77,6 @@ def solve_forward(
     lag_s: float,
     *,
     custom: Sequence[Custom] = (),
-    keep_linearisation: bool = False,
     opening: Opening | None = None,
 ) -> Solution:
     """Return each keyframe as known from the data up to it: what a filter estimates.
@@ -74,12 +84,64 @@ def solve_forward(
     Parameters as in ``solve_fixed_lag``; states up to ``lag_s`` back are still relinearised.
     """
 
-    def newest(of: Problem, end: int) -> list[Departed | None]:
-        window = FixedLag(lag_s, 0.0, keep_linearisation=keep_linearisation)
-        entering, parts = CustomFactors(custom, of), list[Departed | None]()
+    def newest(of: Problem, end: int) -> Iterator[Solution | None]:
+        window = FixedLag(lag_s, 0.0)
+        factors = CustomFactors(custom, of)
         for row in steps(end):
-            window.advance(of, row, entering.at(row, window.oldest))
-            parts.append(window.latest())
-        return parts
+            window.advance(of, row, factors.at(row, window.oldest))
+            yield window.latest()
 
-    return replace(joined_solution(opened(newest, problem, opening)), cross=None)
+    return replace(joined_solution(_opened(newest, problem, opening), len(problem.t_s)), cross=None)
+
+
+def with_open_heading(part: Solution, opening: Opening) -> Solution:
+    """Return keyframes with what is not known of the heading that the opening holds fixed.
+
+    The body may be turned about the vertical through its antenna.
+    """
+    J = np.zeros(part.covariance.shape[:2])
+    J[:, ROTATION] = part.states.R_nb[:, 2]
+    J[:, POSITION] = np.cross(opening.arm_b_m, J[:, ROTATION])
+    variance_rad2 = opening.heading_variance_rad2
+    open_rad2 = variance_rad2 * J[:, :, None] * J[:, None, :]
+    inward = np.cross(J[:, POSITION], J[:, ROTATION])  # by 1 - cos of the turn: 1.5 if uniform
+    second = min(0.75 * variance_rad2**2, 1.5)
+    open_rad2[:, POSITION, POSITION] += second * inward[:, :, None] * inward[:, None, :]
+    return replace(part, covariance=part.covariance + open_rad2)
+
+
+def joined_solution(parts: Iterable[Solution], count: int) -> Solution:
+    """Return ``count`` keyframes that leave a window one after another as one solution.
+
+    Each part is copied as it comes, and none is kept.
+    """
+    joined, end = list[np.ndarray](), 0
+    for part in parts:
+        arrays = [*part.states[:4], *(getattr(part, name) for name in _BY_KEYFRAME)]
+        joined = joined or [np.empty((count, *one.shape[1:]), one.dtype) for one in arrays]
+        begin, end = end, end + len(arrays[0])
+        for of, one in zip(joined, arrays, strict=True):
+            of[begin:end] = one
+    states = States._make((*joined[:4], part.states.constants))
+    fields: dict[str, Any] = dict(zip(_BY_KEYFRAME, joined[4:], strict=True))
+    return replace(part, states=states, converged=not fields["refused"].any(), **fields)
+
+
+def _opened(
+    leaving: Callable[[Problem, int], Iterator[Solution | None]],
+    problem: Problem,
+    opening: Opening | None,
+) -> Iterator[Solution]:
+    """Yield the states that leave a window, first those of an opening, then of the problem.
+
+    ``leaving`` yields what leaves with each of a problem's first keyframes, and what is left.
+    """
+    count = 0
+    if opening is not None:
+        for part in leaving(opening.problem, opening.keyframes):
+            count += 1
+            if part is not None:
+                yield with_open_heading(part, opening)
+    if count < len(problem.t_s):
+        later = islice(leaving(problem, len(problem.t_s)), count, None)
+        yield from (part for part in later if part is not None)

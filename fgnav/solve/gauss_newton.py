@@ -91,13 +91,19 @@ class _Flight:
     """A problem and custom factors, linearised again and again."""
 
     def __init__(self, problem: Problem, custom: Sequence[gtsam.NonlinearFactor]) -> None:
-        self._problem, self._custom, self._layout = problem, custom, Layout.of(problem)
+        self._problem, self._layout = problem, Layout.of(problem)
         phase, last = problem.phase, len(problem.t_s) - 1
         self._arcs: dict[int, list[tuple[int, int]]] = {}  # that end with a keyframe
+        single = list(custom)  # factors that are linearised one by one
         if phase is not None:
             for k, of in phase.ending(last).items():
                 self._arcs[k] = [(keys.arcs(j), phase.blocks[j].size) for j in of]
+            single += [phase.factor(i, k) for i, k in enumerate(phase.row.tolist())]
+            single += [phase.transition_factor(j) for j in range(len(phase.blocks))]
         self._end = {key: k for k, of in self._arcs.items() for key, _ in of}
+        self._graph, self._first = gtsam.NonlinearFactorGraph(), [self._oldest(f) for f in single]
+        for factor in single:
+            self._graph.add(factor)
 
     def point(self, states: States) -> _Point:
         """Return states, with all ambiguities at zero."""
@@ -105,21 +111,14 @@ class _Flight:
 
     def linear(self, at: _Point) -> _Linear:
         """Return the problem linearised."""
-        n = len(self._problem.t_s)
-        before = at.states.at(slice(0, n - 1))
-        linear = linearise(self._problem, np.arange(n), at.states, before, arcs=at.arcs)
-        factors, cost = linear.factors_by_keyframe(), linear.cost
-        for k, transition in self._transitions(at.arcs):
-            factors[k].append(transition)
-            cost += float(transition.getb() @ transition.getb())
-        values = gtsam.Values()
-        if self._custom:
+        factors, cost = linearise(self._problem, at.states)
+        if self._first:
             values = flight_values(self._problem, at.states, at.arcs)
-        for factor in self._custom:
-            custom = factor.linearize(values)
-            if custom is not None:  # a factor that is not active is none
-                factors[self._oldest(factor)].append(custom)
-                cost += 2 * factor.error(values)
+            linear = self._graph.linearize(values)
+            for j, k in enumerate(self._first):
+                if (factor := linear.at(j)) is not None:  # a factor that is not active is none
+                    factors[k].append(factor)
+            cost += 2 * self._graph.error(values)
         return _Linear(at, cost, factors)
 
     def eliminated(self, linear: _Linear, damping: float = 0.0) -> _Eliminated:
@@ -133,18 +132,8 @@ class _Flight:
         elimination.solve()
         return _Eliminated(linear, elimination, linear.cost)
 
-    def _transitions(
-        self, arcs: Mapping[int, FloatArray]
-    ) -> list[tuple[int, gtsam.JacobianFactor]]:
-        """Return transitions from ambiguities to the next, by the keyframe that has each."""
-        phase = self._problem.phase
-        if phase is None:
-            return []
-        ends = [self._end[keys.arcs(max(j - 1, 0))] for j in range(len(phase.blocks))]
-        return [(k, phase.transition(j, arcs)) for j, k in enumerate(ends)]
-
     def _oldest(self, factor: gtsam.NonlinearFactor) -> int:
-        """Return the first keyframe that a custom factor touches; 0 of none."""
+        """Return the keyframe with which a factor is eliminated; 0 where it touches none."""
         touched = [key for key in factor.keys() if not keys.is_constant(key)]  # noqa: SIM118
         return min((self._end.get(key, keys.index(key)) for key in touched), default=0)
 
@@ -249,7 +238,7 @@ def _minimum(problem: Problem, here: _Eliminated, iterations: int, end: States |
     solution = Solution(
         states=here.linear.at.states if end is None else end,
         covariance=marginals.covariance,
-        cross=marginals.cross[:-1],
+        cross=marginals.cross,
         constant_covariance=np.broadcast_to(marginals.constant, (n, b, b)),
         constant_cross=marginals.constant_cross,
         converged=end is not None,

@@ -20,31 +20,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.graph.types.problem import Problem
+from fgnav.checks import FloatArray
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve.custom_factors import Custom
-from fgnav.solve.fixed_lag import solve_fixed_lag
 from fgnav.solve.gauss_newton import Minimum
 
-BEGIN_LAG_S = 2.0  # of the window in whose end a search begins
 _APART_SIGMAS = 1.0  # searches that end closer than this have the same minimum
-
-
-def begins(problem: Problem, custom: Sequence[Custom] = ()) -> list[States]:
-    """Return where searches begin: where a window ended, as the body turned before; and the start.
-
-    Parameters
-    ----------
-    problem : Problem
-    custom : sequence of gtsam.NonlinearFactor or NamedFactor
-        Custom factors that a window of ``BEGIN_LAG_S`` can hold.
-    """
-    try:
-        return [solve_fixed_lag(problem, BEGIN_LAG_S, custom=custom).states, problem.start]
-    except NoSolutionError:  # what came until then left a state open
-        return [problem.start]
 
 
 def distinct(ends: Sequence[Minimum]) -> list[Minimum]:
@@ -82,11 +63,12 @@ def _about(states: States, solution: Solution) -> tuple[FloatArray, ...]:
     """Return second moments of a batch's solution about other states."""
     steps = states.steps_to(solution.states)
     moved = solution.states.constants - states.constants
-    cross = np.zeros((len(steps) - 1, *solution.covariance.shape[1:]))
+    cross = np.zeros_like(solution.covariance)
     cross += 0.0 if solution.cross is None else solution.cross
+    cross[:-1] += steps[:-1, :, None] * steps[1:, None, :]
     return (
         solution.covariance + steps[:, :, None] * steps[:, None, :],
-        cross + steps[:-1, :, None] * steps[1:, None, :],
+        cross,
         solution.constant_covariance + np.outer(moved, moved),
         solution.constant_cross + steps[:, :, None] * moved,
     )

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.assembly.truncation import truncated
 from fgnav.geometry.rotations import to_euler, transpose
 from fgnav.methods.smoother import Batch, Forward, Smoother
 from fgnav.types.estimate import open_angle_variance_rad2
@@ -39,17 +38,6 @@ def test_a_car_that_stands_first_is_answered_from_its_first_epoch(flight, method
     is_open = sigma_rad > 0.9 * np.sqrt(open_angle_variance_rad2())
     assert is_open[at_rest].all() == (method.name != "batch")
     assert (sigma_rad[estimate.t_s > STANDS_S + 8.0] < np.radians(5.0)).all()
-
-
-def test_a_filter_s_heading_is_of_the_past_alone(flight):
-    whole = shared(Forward(), flight)
-    for until_s in (14.0, 18.0):
-        part = Forward()(truncated(flight, until_s))
-        n = int((part.t_s <= until_s).sum())
-        np.testing.assert_allclose(whole.R_nb[:n], part.R_nb[:n], atol=1e-9)
-        np.testing.assert_allclose(
-            whole.attitude_covariance_rad2[:n], part.attitude_covariance_rad2[:n], atol=1e-7
-        )
 
 
 @pytest.fixture(scope="module")

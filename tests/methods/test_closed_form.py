@@ -7,11 +7,11 @@ import pytest
 from fgnav.checks import NoSolutionError
 from fgnav.geometry import rotations
 from fgnav.integers.resolvers.truth import Truth
-from fgnav.methods import method_named
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.types.flight import Flight
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, PhotodetectorTable, Place, Scenario
+from fgnav_sim.scenario import FixesTable, ImuTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.simulate import simulate
 
 LIVELY = Motion(
@@ -90,18 +90,6 @@ def test_position_is_that_of_the_body_and_not_of_the_antenna():
 
 def replace_noise(code):
     return GnssTable(rate_hz=5.0, code_noise_m=code, atmosphere=False)
-
-
-def test_default_integers_are_those_of_arcs(array_flight):
-    estimate = ClosedForm()(array_flight)
-    assert estimate.integers.resolver == "network-arcs"
-    assert estimate.available > 0.9
-
-
-def test_it_is_found_by_name(array_flight):
-    method = method_named("closed-form", Truth())
-    assert method.name == "closed-form"
-    assert method(array_flight).method == "closed-form"
 
 
 def test_epochs_without_two_baselines_are_counted(array_flight):

@@ -16,13 +16,13 @@ from fgnav.graph import (
     angular_motion,
     constant,
     imu_bias,
-    jacobian_misfit,
     pose,
     residual_factor,
     velocity,
 )
 from fgnav.io.flight.folder import save_flight
 from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.smoothing.concatenation import concatenate_estimates
 from fgnav.methods.stream import Measured, Measurements, Stream, StreamConfig
 from tests.assembly import flights
 from tests.methods.simulated import errors_rad, flown, shared
@@ -136,27 +136,9 @@ def streamed(case, sources=(), given=None):
         factors = (given or {}).get(k, ())
         left.append(stream.update(dataclasses.replace(measurements(case, k), factors=factors)))
     left = [part for part in (*left, stream.flush()) if len(part.t_s)]
-    return dataclasses.replace(
-        left[-1],
-        **{
-            name: np.concatenate([getattr(part, name) for part in left])
-            for name in ("t_s", "R_nb", "attitude_covariance_rad2")
-        },
-        n_epochs=len(case.problem.t_s),
-        consistency=tuple(one for part in left for one in part.consistency),
-        **dict.fromkeys(NOT_JOINED),
-    )
-
-
-NOT_JOINED = (
-    "p_n_m",
-    "v_n_mps",
-    "position_covariance_m2",
-    "velocity_covariance_m2ps2",
-    "angular_rate_b_radps",
-    "accelerometer_bias_mps2",
-    "accelerometer_bias_covariance_m2ps4",
-)
+    joined = concatenate_estimates(left, len(case.problem.t_s), len(case.problem.t_s))
+    tests = tuple(one for part in left for one in part.consistency)
+    return dataclasses.replace(joined, consistency=tests)
 
 
 def stream_of(case, sources=()):
@@ -183,59 +165,6 @@ def measurements(case, k):
     )
 
 
-def wheel(k, *, jacobian, speed_mps):
-    """Return a wheel's speed: what of the velocity is forward."""
-
-    def residual(x, v):
-        return [x.rotation().matrix()[:, 0] @ v - speed_mps]
-
-    def derivatives(x, v):
-        R_nb = x.rotation().matrix()
-        v_b = R_nb.T @ v
-        # Turned by a small angle, v_b becomes v_b + v_b x angle; its place is of no account.
-        return np.array([[0, -v_b[2], v_b[1], 0, 0, 0]]), R_nb[None, :, 0]
-
-    given = derivatives if jacobian else None
-    return residual_factor("wheel", [pose(k), velocity(k)], residual, [0.01], jacobian=given)
-
-
-def test_a_jacobian_by_hand_is_what_differences_are():
-    values = gtsam.Values()
-    values.insert(pose(3), gtsam.Pose3(gtsam.Rot3.RzRyRx(0.3, -0.2, 1.0), np.array([1.0, 2, 3])))
-    values.insert(velocity(3), np.array([10.0, -20.0, 5.0]))
-    assert jacobian_misfit(wheel(3, jacobian=True, speed_mps=5.0), values) < 1e-8
-
-
-@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
-def test_a_wheel_sharpens_the_speed_with_and_without_a_jacobian(method):
-    flight = flown("demo", 6.0)
-    truth = flight.truth
-
-    def source(jacobian):
-        def factors(_, timeline):
-            rng = np.random.default_rng(5)
-            for k, t_s in enumerate(timeline.t_s):
-                row = np.abs(truth.t_s - t_s).argmin()
-                speed = truth.R_nb[row, :, 0] @ truth.v_n_mps[row] + 0.01 * rng.standard_normal()
-                yield wheel(k, jacobian=jacobian, speed_mps=speed)
-
-        return factors
-
-    by_hand, by_differences = (
-        shared(dataclasses.replace(method, factors=(source(jacobian),)), flight)
-        for jacobian in (True, False)
-    )
-    np.testing.assert_allclose(by_hand.v_n_mps, by_differences.v_n_mps, rtol=0, atol=1e-6)
-    plain = shared(method, flight)
-    row = np.abs(truth.t_s - plain.t_s[:, None]).argmin(axis=1)
-    speed_mps = np.einsum("ni,ni->n", truth.R_nb[row, :, 0], truth.v_n_mps[row])
-    off = [np.einsum("ni,ni->n", e.R_nb[:, :, 0], e.v_n_mps) - speed_mps for e in (by_hand, plain)]
-    mean_squares = [(one**2).mean() for one in off]
-    assert mean_squares[0] < 0.8 * mean_squares[1]
-    sigma = [np.einsum("nii->n", e.velocity_covariance_m2ps2) for e in (by_hand, plain)]
-    assert (sigma[0] < sigma[1]).all()
-
-
 def flat(k, residual=lambda v: v, **more):
     """Return a factor on one velocity that says next to nothing."""
     return residual_factor("mine", [velocity(k)], residual, 1e3 * np.ones(3), **more)
@@ -243,35 +172,9 @@ def flat(k, residual=lambda v: v, **more):
 
 UNIT = gtsam.noiseModel.Unit
 WRONG = {
-    "jacobian of three columns of six": (
-        lambda k: residual_factor(
-            "mine",
-            [pose(k)],
-            lambda x: x.translation(),
-            np.ones(3),
-            jacobian=lambda _: (np.eye(3),),
-        ),
-        r"factor 'mine' on x\d+: jacobian by x\d+ has shape \(3, 3\), expected \(3, 6\)",
-    ),
-    "jacobian of two rows of three": (
-        lambda k: flat(k, jacobian=lambda _: (np.zeros((2, 3)),)),
-        r"factor 'mine' on v\d+: jacobian by v\d+ has shape \(2, 3\), expected \(3, 3\)",
-    ),
-    "residual of two": (
-        lambda k: flat(k, lambda v: v[:2]),
-        r"factor 'mine' on v\d+: residual has shape \(2,\), expected \(3,\)",
-    ),
-    "not a number": (
-        lambda k: flat(k, lambda v: v * np.nan),
-        r"factor 'mine' on v\d+: residual is not finite",
-    ),
     "not a number later on": (
         lambda k: flat(k, lambda v: v * np.nan if k > 20 else v),
         "factor 'mine' on v40: residual is not finite",
-    ),
-    "a mistake in the residual": (
-        lambda k: flat(k, lambda v: v @ {}["typo"]),
-        r"factor 'mine' on v\d+: residual raised KeyError: 'typo'",
     ),
     "a variable of flights with a gyroscope": (
         lambda k: residual_factor("mine", [imu_bias(k)], lambda b: b.vector(), np.ones(6)),

@@ -207,14 +207,6 @@ def test_a_stream_estimates_constants_as_the_window_does(surrounded):
     assert 0.5 < nees(attitude_errors_rad(R_nb, case.truth), joined(left, COVARIANCE)) < 6
 
 
-def test_a_stream_states_the_covariance_of_biases(case):
-    stream, left = stream_of(case, {})
-    parts = [part for part in left if len(part.t_s)]
-    sigma = [part.accelerometer_bias_covariance_m2ps4.trace(axis1=1, axis2=2) for part in parts]
-    assert sigma[-1][-1] < 0.5 * sigma[0][0]
-    assert stream.latest().gyroscope_bias_radps is None
-
-
 @pytest.mark.parametrize(
     ("known", "text"),
     [

@@ -11,7 +11,7 @@ from fgnav.alignment import vector_alignment
 from fgnav.assembly.truncation import truncated
 from fgnav.checks import NoSolutionError
 from fgnav.geometry import rotations
-from fgnav.methods.smoother import Batch, Forward, Smoother
+from fgnav.methods.smoother import Batch, Smoother
 from fgnav.solve.batch import solve_batch
 from fgnav_sim.scenario import FixesTable
 from fgnav_sim.simulate import simulate
@@ -20,12 +20,6 @@ from tests.benchmarks import consistency
 from tests.methods.commanded import flights
 from tests.methods.simulated import errors_rad, euler_rmse_deg, nees, prepared_of, shared
 from tests.methods.true_gravity import TrueGravity
-
-# What docs/evidence/limitations.md names: the turn about the specific force of a body that nothing
-# but its motion tells. A rate that wanders about a constant is too little to hold it.
-HEADING = pytest.mark.xfail(
-    reason="neither array nor gyroscope: the turn about gravity is open: evidence/limitations.md"
-)
 
 
 @pytest.fixture(scope="module")
@@ -137,18 +131,6 @@ def test_a_gyroscope_tells_the_attitude_of_a_body_that_is_never_nose_first(metho
     # The window's first states are known from no more than its lag.
     assert (euler_rmse_deg(flight, estimate) < (0.1 if method is Batch else 1.0)).all()
     assert 0.5 < nees(errors_rad(flight, estimate), estimate.attitude_covariance_rad2) < 6
-
-
-@HEADING
-def test_a_filter_without_phase_is_as_sure_of_its_heading_as_it_may_be(flight):
-    for one, gravity in (
-        (truncated(flight, 15.0), TrueGravity()),
-        (first_half(1), None),
-        (first_half(3), None),
-    ):
-        estimate = Forward(gravity=gravity, noise="nominal")(one)
-        assert estimate.converged
-        assert 0.5 < nees(errors_rad(one, estimate), estimate.attitude_covariance_rad2) < 4.5
 
 
 def test_the_batch_finds_its_minimum_from_forty_degrees_off(flight):

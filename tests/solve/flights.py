@@ -9,7 +9,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.rotations import exp, transpose
-from fgnav.graph.build import KeyframeMeasurements, constant_priors, keyframe_priors
+from fgnav.graph.build import constant_priors, keyframe_priors, sensor_factors
 from fgnav.graph.factors.array_phase import ArrayPhase
 from fgnav.graph.factors.position import Position
 from fgnav.graph.factors.velocity import Velocity
@@ -187,14 +187,14 @@ def flight_graph(
     problem: Problem, about: States, own: Iterable[gtsam.NonlinearFactor] = ()
 ) -> gtsam.NonlinearFactorGraph:
     """All factors of a flight, motion preintegrated about states; keyframe k is row k."""
-    graph, measured = gtsam.NonlinearFactorGraph(), KeyframeMeasurements(problem)
+    graph = gtsam.NonlinearFactorGraph()
     for factor in (*keyframe_priors(problem), *constant_priors(problem.constants)):
         graph.add(factor)
     for k in range(len(problem.t_s)):
         if k:
             for factor in problem.motion.factors(k - 1, k - 1, k, about.at(slice(k - 1, k))):
                 graph.add(factor)
-        for factor in measured.factors(k, k):
+        for factor in sensor_factors(problem, k, k):
             graph.add(factor)
     phase = problem.phase
     if phase is not None:

@@ -87,17 +87,3 @@ def test_batch_begun_far_off_ends_in_the_same_minimum() -> None:
     again = minimum(problem, begin=far).solution
     assert again.converged
     assert sigmas_apart(near, again) < 0.05
-
-
-@pytest.mark.parametrize("gyroscope", [False, True])
-def test_errors_of_a_batch_are_of_the_size_that_it_states(gyroscope: bool) -> None:
-    normalised = []
-    for seed in range(6):
-        problem, truth = flight(3.0, gyroscope=gyroscope, seed=seed)
-        solution = solve_batch(problem)
-        middle = np.arange(5, 30, 8)
-        d = truth.steps_to(solution.states)[middle, :9]
-        P = solution.covariance[middle, :9, :9]
-        normalised.append(np.einsum("ni,nij,nj->n", d, np.linalg.inv(P), d).mean())
-    # Nine dimensions, about eight independent samples: the mean's sigma is 1.5.
-    assert 5.0 < np.mean(normalised) < 14.0

@@ -8,7 +8,7 @@ import pytest
 from fgnav.geometry.rotations import exp
 from fgnav.solve.batch import solve_batch
 from fgnav.solve.gauss_newton import Minimum, gauss_newton
-from fgnav.solve.minima import begins, distinct, mixture
+from fgnav.solve.minima import distinct, mixture
 from tests.solve.flights import flight
 from tests.solve.test_outages import with_outage
 
@@ -59,10 +59,3 @@ def test_a_body_that_rolled_over_while_nobody_looked_is_another_minimum():
     assert len(ends) == 2
     best = solve_batch(problem)
     assert best.cost == pytest.approx(ends[0].solution.cost, abs=0.1)
-
-
-def test_searches_begin_at_a_windows_end_and_at_the_start():
-    problem, _ = flight(1.0)
-    starts = begins(problem)
-    assert len(starts) == 2
-    assert starts[1] is problem.start

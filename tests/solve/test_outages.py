@@ -55,7 +55,7 @@ def test_covariances_are_those_of_isam2(gyroscope: bool) -> None:
     window, layout = fixed_lag.FixedLag(1.0), Layout.of(problem)
     for row in range(len(problem.t_s)):
         window.update(problem, row)
-    oldest, solution = window.oldest, window.flush().solution
+    oldest, solution = window.oldest, window.flush()
     for i, covariance in enumerate(solution.covariance):
         variables = [*layout.keyframe(oldest + i), *layout.constant_keys]
         P = window.isam2.jointMarginalCovariance(variables).fullMatrix()

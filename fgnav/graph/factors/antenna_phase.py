@@ -23,7 +23,7 @@ References
    elimination, Manuscripta Geodaetica 11, 1986.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -38,7 +38,6 @@ from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.linear_factor import linear_factor
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.graph.types.parameters import Parameters
-from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
 
@@ -54,11 +53,9 @@ class PhaseRows(NamedTuple):
 
         Of fewer than three rows none is left.
         """
-        m, d = self.H.shape
-        rows = np.empty((m, d + 4))
-        rows[:, :3], rows[:, 3:-1], rows[:, -1] = self
-        _eliminate_place(rows)
-        return rows[3:, 3:-1], rows[3:, -1]
+        Q, _ = np.linalg.qr(self.G, mode="complete")
+        left = Q[:, 3:].T
+        return left @ self.H, left @ self.z
 
 
 class ArcBlock(NamedTuple):
@@ -121,54 +118,15 @@ class AntennaPhase:
 
         return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
 
-    def linear(
-        self,
-        i: int,
-        key: int,
-        at: States,
-        place: int,
-        constants: Parameters,
-        arcs: Mapping[int, FloatArray] | None = None,
-    ) -> gtsam.JacobianFactor:
-        """Return the phases of epoch i linearised, of keyframe ``key`` that is row ``place``.
-
-        Where A is by ``arcs``, else at zero; ``constants`` are those of the states.
-        """
-        one, of_arcs = self.rows[i], keys.arcs(int(self.block[i]))
-        pose, arm_b_m, lever = np.empty((4, 4)).T, self.arm_b_m[i], constants.column(LEVER_ARM)
-        pose[:3, :3], pose[:3, 3] = at.R_nb[place], at.p_n_m[place]
-        if lever >= 0:
-            arm_b_m = arm_b_m + at.constants[lever : lever + 3]
-        A = np.zeros(one.H.shape[1]) if arcs is None else arcs[of_arcs]
-        value, by_pose, by_lever = residual(pose, A, arm_b_m, *one)
-        terms = [(keys.pose(key), by_pose), (of_arcs, one.H)]
-        if lever >= 0:
-            terms.append((keys.constant(constants.first.index(lever)), by_lever))
-        return linear_factor(terms, -value)
-
-    def transition(
-        self, block: int, arcs: Mapping[int, FloatArray] | None = None
-    ) -> gtsam.JacobianFactor:
-        """Return the transition to the A of a block, from that before or from nothing.
-
-        Linearised where both are by ``arcs``, else at zero.
-        """
-        one = self.blocks[block - self.first_block]
+    def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
+        """Build the transition to the A of a block, from that before or from nothing."""
+        one, point = self.blocks[block - self.first_block], gtsam.Values()
         terms = [(keys.arcs(block), one.after)]
         if one.before.shape[1]:
             terms.append((keys.arcs(block - 1), -one.before))
-        if arcs is None:
-            return linear_factor(terms, one.right)
-        along = [A @ arcs[key] for key, A in terms]
-        return linear_factor(terms, one.right - np.sum(along, axis=0))
-
-    def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
-        """Build the transition to a block as a factor of GTSAM's nonlinear graphs."""
-        one, point = self.blocks[block - self.first_block], gtsam.Values()
-        point.insert(keys.arcs(block), np.zeros(one.size))
-        if one.before.shape[1]:
-            point.insert(keys.arcs(block - 1), np.zeros(one.before.shape[1]))
-        return gtsam.LinearContainerFactor(self.transition(block), point)
+        for key, A in terms:
+            point.insert(key, np.zeros(A.shape[1]))
+        return gtsam.LinearContainerFactor(linear_factor(terms, one.right), point)
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""
@@ -217,28 +175,3 @@ def residual(
             total += H[i, j] * arcs[j]
         value[i] = total
     return value, by_pose, turned
-
-
-@kernel
-def _eliminate_place(rows: FloatArray) -> None:
-    """Turn rows, (m, d + 4), by reflections, in place: but three lose their first three columns."""
-    m, width = rows.shape
-    common = np.empty(width)
-    for k in range(min(3, m)):
-        squared = 0.0
-        for i in range(k, m):
-            squared += rows[i, k] ** 2
-        if squared == 0.0:
-            continue
-        norm = np.sqrt(squared) if rows[k, k] > 0 else -np.sqrt(squared)
-        scale = 1 / (norm * (rows[k, k] + norm))
-        rows[k, k] += norm
-        common[:] = 0.0
-        for i in range(k, m):
-            for j in range(k + 1, width):
-                common[j] += rows[i, k] * rows[i, j]
-        for i in range(k, m):
-            share = scale * rows[i, k]
-            for j in range(k + 1, width):
-                rows[i, j] -= share * common[j]
-        rows[k, k] = -norm

@@ -20,9 +20,9 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.graph import keys
-from fgnav.graph.kernel_factor import Use, sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.sensor_rows import SensorRows, Use, sensor_factor
+from fgnav.graph.types.arrays import contiguous, zero_rows
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -85,9 +85,9 @@ class ArrayPhase(SensorRows):
 
     def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return epoch i as a factor of keyframe ``key``: native where integers are known."""
-        lasting: tuple[Use, ...] = ("angular_motion",) if self.share[i] > 0 else ()
-        if lasting or self.stretch[i] >= 0:
-            return sensor_factor(self, i, key, ("pose", *lasting))
+        correlated: tuple[Use, ...] = ("angular_motion",) if self.share[i] > 0 else ()
+        if correlated or self.stretch[i] >= 0:
+            return sensor_factor(self, i, key, ("pose", *correlated))
         whitening, M = np.zeros((16, 16)), np.zeros((4, 4))
         whitening[:9, _IN_POSE] = self.root[i]
         M[:3, :3] = self.minimum[i]
@@ -105,29 +105,29 @@ def _kernel(
     share: FloatArray,
     basis: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, indices, 9)
-    apart = np.empty(9)
+    value, state, shared = zero_rows(at, indices, 9)
+    difference = np.empty(9)
     for k in range(len(indices)):
         i, R = indices[k], at.R_nb[k]
         first, white, q = element_column[i], 1 / np.sqrt(1 - share[i]), basis.shape[1]
         for e in range(9):
-            apart[e] = R[e // 3, e % 3] - minimum[i, e // 3, e % 3]
+            difference[e] = R[e // 3, e % 3] - minimum[i, e // 3, e % 3]
             if first >= 0:
-                apart[e] += at.constants[first + e]
+                difference[e] += at.constants[first + e]
         for m in range(9):
             for e in range(9):
                 weight, a, c = white * root[i, m, e], e // 3, e % 3
                 if weight == 0.0:
                     continue
-                value[k, m] += weight * apart[e]
+                value[k, m] += weight * difference[e]
                 # R [d]x: column c gains d[c + 2] R[:, c + 1] - d[c + 1] R[:, c + 2], cyclically.
                 state[k, m, (c + 2) % 3] += weight * R[a, (c + 1) % 3]
                 state[k, m, (c + 1) % 3] -= weight * R[a, (c + 2) % 3]
                 if first >= 0:
                     shared[k, m, first + e] = weight
             if share[i] > 0.0:  # then the keyframe has a z
-                lasting = white * np.sqrt(share[i])
+                correlated = white * np.sqrt(share[i])
                 for e in range(q):
-                    state[k, m, state.shape[2] - q + e] = lasting * basis[m, e]
-                    value[k, m] += lasting * basis[m, e] * at.aux[k, at.aux.shape[1] - q + e]
+                    state[k, m, state.shape[2] - q + e] = correlated * basis[m, e]
+                    value[k, m] += correlated * basis[m, e] * at.aux[k, at.aux.shape[1] - q + e]
     return value, state, shared

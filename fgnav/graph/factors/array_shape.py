@@ -14,13 +14,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze
 from fgnav.geometry.rotations import skew
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows
+from fgnav.graph.sensor_rows import SensorRows
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 
@@ -62,12 +61,8 @@ class ArrayShape(SensorRows):
             if column.stop:
                 arms_b_m[a] += at.constants[column]
                 shared[:, :, column] = root[:, :, 3 * a : 3 * a + 3] @ at.R_nb
-        apart_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[indices]
-        by_turn = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(indices), -1, 3)
-        state[:, :, ROTATION] = root @ by_turn
-        value = np.einsum("kmi,ki->km", root, apart_m.reshape(len(indices), -1))
+        difference_m = np.einsum("kij,aj->kai", at.R_nb, arms_b_m) - self.minimum_n_m[indices]
+        by_rotation = -(at.R_nb[:, None] @ skew(arms_b_m)).reshape(len(indices), -1, 3)
+        state[:, :, ROTATION] = root @ by_rotation
+        value = np.einsum("kmi,ki->km", root, difference_m.reshape(len(indices), -1))
         return Linearised(value, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return epoch i as a factor of keyframe ``key``; GTSAM has none of its own."""
-        return sensor_factor(self, i, key, ("pose",))

@@ -14,13 +14,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, freeze, positive
 from fgnav.geometry.rotations import skew
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import POSITION, ROTATION, States
 
 OFFSET = "barometer"  # the constants o, metres along the third axis of ``n``
@@ -28,7 +27,10 @@ OFFSET = "barometer"  # the constants o, metres along the third axis of ``n``
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class BarometricHeight(SensorRows):
-    """Barometric heights, one row each."""
+    """Barometric heights, one row each.
+
+    Not by ``BarometricFactor``: its offset is one scalar, and it has no lever arm.
+    """
 
     name: ClassVar[str] = "barometric height"
     shapes: ClassVar[Shapes] = {"down_n_m": ("k",), "arm_b_m": (3,), "share": ("k",)}
@@ -64,10 +66,3 @@ class BarometricHeight(SensorRows):
         return Linearised(
             value[:, None] / self.sigma_m, state / self.sigma_m, shared / self.sigma_m
         )
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return height i as a factor of keyframe ``key``.
-
-        Not ``BarometricFactor``: its offset is one scalar, and it has no lever arm.
-        """
-        return sensor_factor(self, i, key, ("pose",))

@@ -13,13 +13,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 _LEVEL = 1e-6  # square of the level part of a baseline over its own, below which it has no heading
@@ -47,21 +46,17 @@ class BaselineVector(SensorRows):
     def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of baselines ``indices``, (j,); see ``Sensor``."""
         state, shared = self.derivatives(at)
-        v_n, by_turn = at.R_nb @ self.baseline_b_m, -at.R_nb @ skew(self.baseline_b_m)
+        v_n, by_rotation = at.R_nb @ self.baseline_b_m, -at.R_nb @ skew(self.baseline_b_m)
         white, z_n = self.white[indices], self.value_n_m[indices]
         if self.dimensions == 1:
             (north, east), weight = v_n[:, :2].T, np.linalg.norm(white[:, 0], axis=1)
             right, along = z_n[:, 0] * east - z_n[:, 1] * north, (z_n * v_n)[:, :2].sum(axis=1)
             level = np.maximum(north**2 + east**2, _LEVEL * self.baseline_b_m @ self.baseline_b_m)
-            moved = north[:, None] * by_turn[:, 1] - east[:, None] * by_turn[:, 0]
+            moved = north[:, None] * by_rotation[:, 1] - east[:, None] * by_rotation[:, 0]
             state[:, 0, ROTATION] = (weight / level)[:, None] * moved
             value = np.zeros((len(indices), 3))
             value[:, 0] = weight * np.arctan2(right, along)
         else:
-            state[:, :, ROTATION] = white @ by_turn
+            state[:, :, ROTATION] = white @ by_rotation
             value = np.einsum("kij,kj->ki", white, v_n - z_n)
         return Linearised(value, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return baseline i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose",))

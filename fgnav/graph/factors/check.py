@@ -30,14 +30,13 @@ from fgnav.graph.residual_model import STEP, ResidualModel, Variable
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.parameters import NO_PARAMETERS, Parameters
 from fgnav.graph.types.sensor import Sensor
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, States
 
 TAIL = 5e-4  # probability of a right factor below the band, and above it
 # 1-sigmas of the priors: small, as the band is one of linear propagation.
 _SIGMA_POSE = np.repeat([0.005, 1.0], 3)  # rad, m
 _SIGMA_VELOCITY_MPS, _SIGMA_OTHERS = 1.0, 0.01
 _TOLERANCE = 1e-9  # of the cost: at the minimum the linear term vanishes
-_BIASES = 6  # dimensions of ``imu_bias``
 
 
 class FactorCheck(NamedTuple):
@@ -227,7 +226,7 @@ def random_states(
         R_nb=exp(rng.normal(size=(n, 3))),
         p_n_m=50 * rng.normal(size=(n, 3)),
         v_n_mps=10 * rng.normal(size=(n, 3)),
-        aux=rng.normal(size=(n, _BIASES if gyroscope else 2 * _BIASES)),
+        aux=rng.normal(size=(n, GYROSCOPE_AUX if gyroscope else 2 * GYROSCOPE_AUX)),
         constants=constants.mean + root @ rng.normal(size=constants.width),
     )
 
@@ -278,7 +277,7 @@ def values_of(states: States, constants: Parameters = NO_PARAMETERS) -> gtsam.Va
     6
     """
     values, width = gtsam.Values(), states.width - AUX
-    layout = Layout(gyroscope=width == _BIASES, constants=constants)
+    layout = Layout(gyroscope=width == GYROSCOPE_AUX, constants=constants)
     insert_constants(values, layout, states.constants)
     for k in range(len(states.R_nb)):
         insert_keyframe(values, layout, k, states, k)
@@ -299,7 +298,7 @@ def _prior(
     if isinstance(true, gtsam.Pose3):
         factor, sigma = gtsam.PriorFactorPose3, _SIGMA_POSE
     elif isinstance(true, gtsam.imuBias.ConstantBias):
-        factor, sigma = gtsam.PriorFactorConstantBias, np.full(_BIASES, _SIGMA_OTHERS)
+        factor, sigma = gtsam.PriorFactorConstantBias, np.full(GYROSCOPE_AUX, _SIGMA_OTHERS)
     else:
         each = _SIGMA_VELOCITY_MPS if letter(key) == "v" else _SIGMA_OTHERS
         sigma = np.full(len(true), each)

@@ -78,16 +78,16 @@ def across(e: FloatArray) -> FloatArray:
     return np.stack([first, np.cross(e, first)], axis=1)
 
 
-class Seen(NamedTuple):
+class Projection(NamedTuple):
     """Unit vectors, (k,), as measured by an instrument with a small misalignment."""
 
     value: FloatArray  # (k, 2): whitened, across the measured directions
     across_b: FloatArray  # (k, 2, 3): whitening rows in axes of the body
-    by_turn: FloatArray  # (k, 2, 3): derivative by the turn of the body
+    by_rotation: FloatArray  # (k, 2, 3): derivative by the turn of the body
     by_tilt: FloatArray  # (k, 2, 3): by the rotation vector of the instrument's turn
 
 
-def seen(across_b: FloatArray, u_b: FloatArray, tilt_rad: FloatArray) -> Seen:
+def projected(across_b: FloatArray, u_b: FloatArray, tilt_rad: FloatArray) -> Projection:
     """Return ``A Exp(-t) u_b`` of whitening rows A, (k, 2, 3), a turn t, (3,), and vectors, (k, 3).
 
     The derivative by t has the right Jacobian of the rotation group in it [1]_.
@@ -98,9 +98,9 @@ def seen(across_b: FloatArray, u_b: FloatArray, tilt_rad: FloatArray) -> Seen:
        Visual-Inertial Odometry, IEEE Transactions on Robotics 33, 2017, section III.
     """
     across_b = across_b @ exp(-tilt_rad[None])[0]
-    by_turn = across_b @ skew(u_b)
+    by_rotation = across_b @ skew(u_b)
     value = np.einsum("kmc,kc->km", across_b, u_b)
-    return Seen(value, across_b, by_turn, by_turn @ right_jacobian(-tilt_rad))
+    return Projection(value, across_b, by_rotation, by_rotation @ right_jacobian(-tilt_rad))
 
 
 def flattened(v_b: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,9 +11,9 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.directions import native, seen
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.factors.directions import native, projected
+from fgnav.graph.sensor_rows import SensorRows, Shapes, sensor_factor
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 TILT = "gravity"  # the constant t, about x_b and y_b
@@ -38,8 +38,8 @@ class Gravity(SensorRows):
         tilt, tilt_rad = self.constants.columns(TILT), np.zeros(3)
         if tilt.stop:
             tilt_rad[:2] = at.constants[tilt]
-        view = seen(self.across_b[indices], u_b, tilt_rad)
-        state[:, :, ROTATION] = view.by_turn
+        view = projected(self.across_b[indices], u_b, tilt_rad)
+        state[:, :, ROTATION] = view.by_rotation
         shared[:, :, tilt] = view.by_tilt[:, :, : tilt.stop - tilt.start]
         return Linearised(view.value, state, shared)
 

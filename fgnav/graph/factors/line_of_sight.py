@@ -8,14 +8,13 @@ GTSAM's ``BearingFactor3D``.
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import transpose
-from fgnav.graph.factors.directions import flattened, seen
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.factors.directions import flattened, projected
+from fgnav.graph.sensor_rows import SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import POSITION, ROTATION, States
 
 LANDMARK = "landmark"  # the constant l_n, a place in ``n``
@@ -24,7 +23,11 @@ BORESIGHT = "boresight"  # the constant t, about y_b and z_b
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class LineOfSight(SensorRows):
-    """Directions from the accelerometer to a landmark, two rows each."""
+    """Directions from the accelerometer to a landmark, two rows each.
+
+    Not by ``BearingFactor3D``: it whitens along two axes that it lays across the direction by
+    rules of its own, so the long axis of an ellipse would be turned.
+    """
 
     name: ClassVar[str] = "line of sight"
     shapes: ClassVar[Shapes] = {"across_b": ("k", 2, 3)}
@@ -42,17 +45,9 @@ class LineOfSight(SensorRows):
             tilt_rad[1:] = at.constants[boresight]
         way_b_m = np.einsum("kij,kj->ki", R_bn, at.constants[landmark] - at.p_n_m)
         u_b, by_way = flattened(way_b_m)
-        view = seen(self.across_b[indices], u_b, tilt_rad)
+        view = projected(self.across_b[indices], u_b, tilt_rad)
         by_place_b = view.across_b @ by_way
-        state[:, :, ROTATION], state[:, :, POSITION] = view.by_turn, -by_place_b
+        state[:, :, ROTATION], state[:, :, POSITION] = view.by_rotation, -by_place_b
         shared[:, :, landmark] = by_place_b @ R_bn
         shared[:, :, boresight] = view.by_tilt[:, :, 1 : 1 + boresight.stop - boresight.start]
         return Linearised(view.value, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return direction i as a factor of keyframe ``key`` and the landmark.
-
-        Not ``BearingFactor3D``: it whitens along two axes that it lays across the direction by
-        rules of its own, so the long axis of an ellipse would be turned.
-        """
-        return sensor_factor(self, i, key, ("pose",))

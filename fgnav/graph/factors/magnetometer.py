@@ -21,8 +21,8 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew
 from fgnav.graph.factors.directions import flattened, native
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, sensor_factor
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, States
 
 HARD_IRON = "hard iron"  # the constant o_b, uT

@@ -18,9 +18,9 @@ import numpy as np
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, sensor_factor
+from fgnav.graph.types.arrays import contiguous, zero_rows
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -71,8 +71,8 @@ def _kernel(
     arm_b_m: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, indices, 3)
-    arm, apart = arm_b_m.copy(), np.empty(3)
+    value, state, shared = zero_rows(at, indices, 3)
+    arm, difference = arm_b_m.copy(), np.empty(3)
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
@@ -81,13 +81,13 @@ def _kernel(
         i, R = indices[k], at.R_nb[k]
         white = whites[i]
         turned, at_antenna = rot.product(white, R), rot.times(R, arm)
-        by_turn = rot.product(turned, cross)
+        by_rotation = rot.product(turned, cross)
         for c in range(3):
-            apart[c] = at.p_n_m[k, c] + at_antenna[c] - value_n_m[i, c]
+            difference[c] = at.p_n_m[k, c] + at_antenna[c] - value_n_m[i, c]
         for m in range(3):
             for c in range(3):
-                value[k, m] += white[m, c] * apart[c]
-                state[k, m, c] = -by_turn[m, c]
+                value[k, m] += white[m, c] * difference[c]
+                state[k, m, c] = -by_rotation[m, c]
                 state[k, m, 3 + c] = turned[m, c]
                 if lever >= 0:
                     shared[k, m, lever + c] = turned[m, c]

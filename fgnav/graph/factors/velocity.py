@@ -20,9 +20,9 @@ from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry import rotation_kernel as rot
 from fgnav.graph import keys
 from fgnav.graph.factors.position import LEVER_ARM
-from fgnav.graph.kernel_factor import Use, sensor_factor
-from fgnav.graph.types.arrays import contiguous, room
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, rate_variables, sensor_factor
+from fgnav.graph.types.arrays import contiguous, zero_rows
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import States
 from fgnav.kernels.compiled import kernel
 
@@ -75,8 +75,7 @@ class Velocity(SensorRows):
         if self.constants.column(LEVER_ARM) < 0 and not self.arm_b_m.any():
             noise = gtsam.noiseModel.Gaussian.SqrtInformation(self.white[i], False)
             return gtsam.PriorFactorVector(keys.velocity(key), self.value_n_mps[i], noise)
-        aux: Use = "angular_motion" if self.measured_b_radps is None else "imu_bias"
-        return sensor_factor(self, i, key, ("pose", "velocity", aux))
+        return sensor_factor(self, i, key, rate_variables(self.measured_b_radps))
 
 
 @kernel
@@ -90,8 +89,8 @@ def _kernel(
     earth_rate_n_radps: FloatArray,
     lever: int,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    value, state, shared = room(at, indices, 3)
-    arm, apart, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
+    value, state, shared = zero_rows(at, indices, 3)
+    arm, difference, sign = arm_b_m.copy(), np.empty(3), 1.0 if len(measured_b_radps) == 0 else -1.0
     if lever >= 0:
         for c in range(3):
             arm[c] += at.constants[lever + c]
@@ -102,20 +101,20 @@ def _kernel(
         earth_b = rot.scaled(rot.times(rot.transposed(R), earth_rate_n_radps), (1.0 - sign) / 2)
         rate = _relative_rate(at.aux[k], measured_b_radps, i, earth_b)
         spin, turned = rot.skew(rate), rot.product(whites[i], R)
-        swing_b = rot.times(spin, arm)
-        swing_n, by_rate = rot.times(R, swing_b), rot.product(turned, cross)
-        # By the turn d the swing in b changes by a x (e_b x d), what R makes of it by -swing x d.
-        bend, outer = rot.product(cross, rot.skew(earth_b)), rot.skew(swing_b)
+        arm_velocity_b = rot.times(spin, arm)
+        arm_velocity_n, by_rate = rot.times(R, arm_velocity_b), rot.product(turned, cross)
+        # By the rotation d it changes in b by a x (e_b x d), what R makes of it by -velocity x d.
+        bend, outer = rot.product(cross, rot.skew(earth_b)), rot.skew(arm_velocity_b)
         for m in range(3):
             for c in range(3):
                 bend[m, c] -= outer[m, c]
-        by_turn, by_lever = rot.product(turned, bend), rot.product(turned, spin)
+        by_rotation, by_lever = rot.product(turned, bend), rot.product(turned, spin)
         for c in range(3):
-            apart[c] = at.v_n_mps[k, c] + swing_n[c] - value_n_mps[i, c]
+            difference[c] = at.v_n_mps[k, c] + arm_velocity_n[c] - value_n_mps[i, c]
         for m in range(3):
             for c in range(3):
-                value[k, m] += whites[i, m, c] * apart[c]
-                state[k, m, c] = by_turn[m, c]
+                value[k, m] += whites[i, m, c] * difference[c]
+                state[k, m, c] = by_rotation[m, c]
                 state[k, m, 6 + c] = whites[i, m, c]
                 state[k, m, 12 + c] = -sign * by_rate[m, c]
                 if lever >= 0:

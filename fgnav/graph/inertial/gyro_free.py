@@ -26,7 +26,6 @@ References
 
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -69,7 +68,7 @@ class GyroFree:
     # Power spectral density of the specific force, (m/s2)^2/Hz.
     accelerometer_noise: FloatArray  # (n - 1,)
     constants: Parameters  # the mean rate among them
-    multipath: Multipath | None = None  # lasting error of the array's phases, at the keyframes
+    multipath: Multipath | None = None  # correlated error of the array's phases
     _intervals: Intervals = field(init=False, repr=False)
     _buffer: "_Buffer" = field(init=False, repr=False)
 
@@ -92,14 +91,14 @@ class GyroFree:
         if not self.mean_rate.stop:
             raise BadInputError(f"gyro-free constants: {MEAN_RATE} is not among them")
         object.__setattr__(self, "_intervals", self._prepared())
-        object.__setattr__(self, "_buffer", _Buffer.empty(self._lasting))
+        object.__setattr__(self, "_buffer", _Buffer.empty(self._correlated))
 
     def _prepared(self) -> Intervals:
         cut = increments(self.imu, self.t_s, self.sub_steps)
         span_s = np.diff(self.t_s)
         F, H, W = matern.intervals(span_s, self.poles_per_s)
         none = np.zeros((len(span_s), 0, 0))
-        lasting, white = (none, none) if self.multipath is None else self.multipath.transition()
+        correlated, white = (none, none) if self.multipath is None else self.multipath.transition()
         walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
         return Intervals(
             span_s=span_s,
@@ -114,19 +113,19 @@ class GyroFree:
             sigma_radps=np.sqrt(self.variance_rad2ps2),
             force_white=_force_white(span_s, self.accelerometer_noise),
             walk_white=1 / (walk * np.sqrt(span_s)),
-            lasting=_contiguous(lasting),
-            lasting_white=_contiguous(white),
+            correlated=_contiguous(correlated),
+            correlated_white=_contiguous(white),
         )
 
     @property
-    def _lasting(self) -> int:
-        """Dimensions of the array's lasting error, q."""
+    def _correlated(self) -> int:
+        """Dimensions of the array's time-correlated error, q."""
         return 0 if self.multipath is None else self.multipath.size
 
     @property
     def aux(self) -> int:
         """Dimensions of ``States.aux``."""
-        return _VECTOR + self._lasting
+        return _VECTOR + self._correlated
 
     @property
     def mean_rate(self) -> slice:
@@ -135,11 +134,12 @@ class GyroFree:
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,), between states, j of each."""
-        out, mean = _room(len(intervals), self._lasting), before.constants[self.mean_rate].copy()
+        out = _empty_rows(len(intervals), self._correlated)
+        mean = before.constants[self.mean_rate].copy()
         kernel.linearise(
             _indices(intervals), self._intervals, _rows(before), _rows(after), mean, out
         )
-        shared = np.zeros((len(intervals), ROWS + self._lasting, len(before.constants)))
+        shared = np.zeros((len(intervals), ROWS + self._correlated, len(before.constants)))
         shared[:, :, self.mean_rate] = out.by_mean
         return LinearisedMotion(out.value[:, :, 0], out.before, out.after, shared)
 
@@ -191,19 +191,19 @@ class GyroFree:
         the accelerometer's, gaps, are not divided.
         """
         span_s, noise = np.diff(self.t_s)[of], self.accelerometer_noise[of]
-        of_unit = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
+        of_imu = np.isclose(noise, self.imu.accelerometer_noise_mps2_per_sqrt_hz**2)
         third = self._intervals.force_white[of, 2] ** 2 * noise * span_s**3 / 12
-        share: FloatArray = np.zeros((len(span_s), 2, ROWS + self._lasting))
-        share[of_unit, 0, 3:6], share[of_unit, 0, 6:9], share[:, 1, 9:12] = (
-            third[of_unit, None],
+        share: FloatArray = np.zeros((len(span_s), 2, ROWS + self._correlated))
+        share[of_imu, 0, 3:6], share[of_imu, 0, 6:9], share[:, 1, 9:12] = (
+            third[of_imu, None],
             1.0,
             1.0,
         )
-        parts = share[..., None] * np.eye(ROWS + self._lasting)
+        parts = share[..., None] * np.eye(ROWS + self._correlated)
         return NoiseParts(
             ("accelerometer", "accelerometer bias"),
             parts,
-            np.eye(ROWS + self._lasting) - parts.sum(axis=1),
+            np.eye(ROWS + self._correlated) - parts.sum(axis=1),
         )
 
     def factors(
@@ -213,9 +213,22 @@ class GyroFree:
         del about
         symbols = (keys.pose, keys.velocity, keys.angular_motion)
         names = [symbol(key) for key in (key_before, key_after) for symbol in symbols]
-        names.append(keys.constant(self.constants.first.index(self.mean_rate.start)))
-        error = _IntervalError(self._intervals, np.array([k]), tuple(names), self._buffer)
-        return (gtsam.CustomFactor(_unit(ROWS + self._lasting), names, error),)
+        mean = keys.constant(self.constants.first.index(self.mean_rate.start))
+        intervals, index, buffer = self._intervals, np.array([k]), self._buffer
+
+        def error(
+            _: gtsam.CustomFactor, values: gtsam.Values, H: list[FloatArray] | None
+        ) -> NDArray[np.float64]:
+            _read(buffer.before, values, names[:3])
+            _read(buffer.after, values, names[3:])
+            buffer.mean[:] = values.atVector(mean)
+            kernel.linearise(index, intervals, buffer.before, buffer.after, buffer.mean, buffer.out)
+            if H is not None:
+                for i, block in enumerate(buffer.blocks):
+                    H[i] = block
+            return np.array(buffer.out.value[0, :, 0], dtype=np.float64)
+
+        return (gtsam.CustomFactor(_unit(ROWS + self._correlated), [*names, mean], error),)
 
     def with_added_noise(
         self, accelerometer_density: FloatArray, gyroscope_density: FloatArray
@@ -253,56 +266,27 @@ class _Buffer:
     blocks: tuple[FloatArray, ...]  # derivatives by each of the factor's keys
 
     @classmethod
-    def empty(cls, lasting: int) -> "_Buffer":
+    def empty(cls, correlated: int) -> "_Buffer":
         """Return room for one interval."""
         before, after = (
-            Rows(np.empty((1, 3, 3)), *(np.empty((1, m)) for m in (3, 3, _VECTOR + lasting)))
+            Rows(np.empty((1, 3, 3)), *(np.empty((1, m)) for m in (3, 3, _VECTOR + correlated)))
             for _ in range(2)
         )
-        out, parts = _room(1, lasting), (slice(0, 6), slice(6, AUX), slice(AUX, None))
+        out, parts = _empty_rows(1, correlated), (slice(0, 6), slice(6, AUX), slice(AUX, None))
         blocks = [E[0][:, part] for E in (out.before, out.after) for part in parts]
         return cls(before, after, np.empty(3), out, (*blocks, out.by_mean[0]))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _IntervalError:
-    """Error function of one interval, which GTSAM calls, with derivatives by each key."""
-
-    intervals: Intervals
-    indices: IntArray  # (1,)
-    names: tuple[int, ...]
-    buffer: _Buffer
-
-    def __call__(
-        self,
-        factor: gtsam.CustomFactor,  # noqa: ARG002
-        values: gtsam.Values,
-        jacobians: Any | None,  # noqa: ANN401  # gtsam.JacobianVector
-    ) -> NDArray[np.float64]:
-        """Return the whitened residual, (D,); fill derivatives where they are asked for."""
-        room, names = self.buffer, self.names
-        _read(room.before, values, names[0], names[1], names[2])
-        _read(room.after, values, names[3], names[4], names[5])
-        room.mean[:] = values.atVector(names[6])
-        kernel.linearise(self.indices, self.intervals, room.before, room.after, room.mean, room.out)
-        if jacobians is not None:
-            for i, block in enumerate(room.blocks):
-                jacobians[i] = block
-        return np.array(room.out.value[0, :, 0], dtype=np.float64)
-
-
-def _read(into: Rows, values: gtsam.Values, pose: int, velocity: int, vector: int) -> None:
+def _read(into: Rows, values: gtsam.Values, names: list[int]) -> None:
     """Copy a keyframe's variables into a row."""
-    matrix = values.atPose3(pose).matrix()
-    into.R_nb[0] = matrix[:3, :3]
-    into.p_n_m[0] = matrix[:3, 3]
-    into.v_n_mps[0] = values.atVector(velocity)
-    into.aux[0] = values.atVector(vector)
+    matrix = values.atPose3(names[0]).matrix()
+    into.R_nb[0], into.p_n_m[0] = matrix[:3, :3], matrix[:3, 3]
+    into.v_n_mps[0], into.aux[0] = values.atVector(names[1]), values.atVector(names[2])
 
 
-def _room(j: int, lasting: int) -> Filled:
+def _empty_rows(j: int, correlated: int) -> Filled:
     """Return room for the residuals and derivatives of j intervals."""
-    D = ROWS + lasting
+    D = ROWS + correlated
     square = (j, D, D)
     return Filled(np.empty((j, D, 1)), np.empty(square), np.empty(square), np.empty((j, D, 3)))
 

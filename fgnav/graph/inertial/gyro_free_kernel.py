@@ -17,7 +17,7 @@ from fgnav.graph.inertial.path_kernel import (
 from fgnav.kernels.compiled import kernel
 
 ROWS = 21  # rotation, position, velocity, accelerometer bias, rate and its two derivatives
-# After them stand those of the array's lasting error, q: D is 21 + q.
+# After them stand those of the array's time-correlated error, q: D is 21 + q.
 
 
 class Rows(NamedTuple):
@@ -64,7 +64,7 @@ def linearise(
         _process_rows(of, k, row, before, after, mean, out)
         _force_rows(of, k, row, before, after, path, out)
         _bias_rows(of.walk_white[k], row, before, after, out)
-        _lasting_rows(of.lasting[k], of.lasting_white[k], row, before, after, out)
+        _correlated_rows(of.correlated[k], of.correlated_white[k], row, before, after, out)
         _whiten(of, k, out.value[row])
         _whiten(of, k, out.before[row])
         _whiten(of, k, out.after[row])
@@ -78,14 +78,14 @@ def predict(indices: IntArray, of: Intervals, before: Rows, mean: FloatArray, af
     for row in range(len(indices)):
         k = indices[row]
         T, x, y = of.span_s[k], before.aux[row], after.aux[row]
-        _lead_lasting(of.lasting[k], x, y)
+        _predict_correlated(of.correlated[k], x, y)
         for i in range(3):
             y[i] = x[i]
             for p in range(3):
                 y[3 + 3 * p + i] = mean[i] if p == 0 else 0.0
                 for q in range(3):
-                    off = x[3 + 3 * q + i] - (mean[i] if q == 0 else 0.0)
-                    y[3 + 3 * p + i] += of.transition[k, i, p, q] * off
+                    deviation = x[3 + 3 * q + i] - (mean[i] if q == 0 else 0.0)
+                    y[3 + 3 * p + i] += of.transition[k, i, p, q] * deviation
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
             path.theta[i] = mean[i] * T
@@ -99,9 +99,9 @@ def predict(indices: IntArray, of: Intervals, before: Rows, mean: FloatArray, af
         g, v, earth = of.gravity_n_mps2[k], before.v_n_mps[row], of.earth_rate_n_radps
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
-            swing = earth[a] * v[b] - earth[b] * v[a]
-            after.p_n_m[row, i] = before.p_n_m[row, i] + v[i] * T + (g[i] / 2 - swing) * T**2
-            after.v_n_mps[row, i] = v[i] + (g[i] - 2 * swing) * T
+            coriolis = earth[a] * v[b] - earth[b] * v[a]
+            after.p_n_m[row, i] = before.p_n_m[row, i] + v[i] * T + (g[i] / 2 - coriolis) * T**2
+            after.v_n_mps[row, i] = v[i] + (g[i] - 2 * coriolis) * T
             for j in range(3):
                 after.R_nb[row, i, j] = R[i, j]
                 after.v_n_mps[row, i] += before.R_nb[row, i, j] * path.gain[0, j]
@@ -188,9 +188,9 @@ def _force_rows(
         _put(out.before[row], at, 9, R, sums[first + 3], 1.0)
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
-        swing = earth[a] * v[b] - earth[b] * v[a]
-        p = after.p_n_m[row, i] - before.p_n_m[row, i] - v[i] * T - (g[i] / 2 - swing) * T**2
-        dv = after.v_n_mps[row, i] - v[i] - (g[i] - 2 * swing) * T
+        coriolis = earth[a] * v[b] - earth[b] * v[a]
+        p = after.p_n_m[row, i] - before.p_n_m[row, i] - v[i] * T - (g[i] / 2 - coriolis) * T**2
+        dv = after.v_n_mps[row, i] - v[i] - (g[i] - 2 * coriolis) * T
         for j in range(3):
             p -= R[i, j] * gain[1, j]
             dv -= R[i, j] * gain[0, j]
@@ -225,8 +225,8 @@ def _bias_rows(white: float, row: int, before: Rows, after: Rows, out: Filled) -
 
 
 @kernel
-def _lead_lasting(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
-    """Set the array's lasting error to ``F z_0``."""
+def _predict_correlated(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
+    """Set the array's time-correlated error to ``F z_0``."""
     for i in range(len(F)):
         y[12 + i] = 0.0
         for j in range(len(F)):
@@ -234,20 +234,20 @@ def _lead_lasting(F: FloatArray, x: FloatArray, y: FloatArray) -> None:
 
 
 @kernel
-def _lasting_rows(
+def _correlated_rows(
     F: FloatArray, white: FloatArray, row: int, before: Rows, after: Rows, out: Filled
 ) -> None:
-    """Fill the rows of the array's lasting error, whitened: ``z_1 - F z_0``."""
+    """Fill the rows of the array's time-correlated error, whitened: ``z_1 - F z_0``."""
     q = len(F)
     for i in range(q):
         total = 0.0
         for j in range(q):
-            led = 0.0
+            propagated = 0.0
             for m in range(i + 1):  # whitening is lower triangular
-                led += white[i, m] * F[m, j]
-            out.before[row, ROWS + i, ROWS + j] = -led
+                propagated += white[i, m] * F[m, j]
+            out.before[row, ROWS + i, ROWS + j] = -propagated
             out.after[row, ROWS + i, ROWS + j] = white[i, j]
-            total += white[i, j] * after.aux[row, 12 + j] - led * before.aux[row, 12 + j]
+            total += white[i, j] * after.aux[row, 12 + j] - propagated * before.aux[row, 12 + j]
         out.value[row, ROWS + i, 0] = total
 
 

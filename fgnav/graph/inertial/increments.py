@@ -28,21 +28,16 @@ class Increments:
     f_b_mps2: FloatArray  # (k, 3)
     w_b_radps: FloatArray | None  # (k, 3): against inertial space; None without a gyroscope
 
-    def of(
-        self, intervals: IntArray, most: int | None = None
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the first sub-step of each interval, (j + 1,), their length, forces and rates.
+    def interval(self, k: int, most: int | None = None) -> tuple[float, FloatArray, FloatArray]:
+        """Return length, forces and rates of interval k's sub-steps.
 
-        Of ``most`` of its sub-steps, or fewer, each for as many as there are.
+        Of ``most`` of them, or fewer, each for as many as there are.
         """
-        count = np.diff(self.first)[intervals]
-        kept = count if most is None else np.minimum(count, most)
-        first = np.concatenate([[0], np.cumsum(kept)])
-        within = np.arange(first[-1]) - np.repeat(first[:-1], kept)
-        place = (within + 0.5) * np.repeat(count / kept, kept)
-        row = np.repeat(self.first[:-1][intervals], kept) + place.astype(np.int64)
-        w_b_radps = np.zeros((len(row), 3)) if self.w_b_radps is None else self.w_b_radps[row]
-        return first, self.step_s[intervals] * count / kept, self.f_b_mps2[row], w_b_radps
+        first, count = int(self.first[k]), int(self.first[k + 1] - self.first[k])
+        kept = count if most is None else min(count, most)
+        row = first + ((np.arange(kept) + 0.5) * (count / kept)).astype(np.int64)
+        rates = np.zeros((kept, 3)) if self.w_b_radps is None else self.w_b_radps[row]
+        return float(self.step_s[k]) * count / kept, self.f_b_mps2[row], rates
 
 
 def increments(imu: Imu, t_s: FloatArray, sub_steps: int = SUB_STEPS) -> Increments:
@@ -150,11 +145,11 @@ def _even(nodes_s: FloatArray, at_s: FloatArray, period_s: FloatArray) -> BoolAr
 
 def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
     """Return the weights, (k, 4), of values at nodes, (k, 4), in their cubic at places, (k,)."""
-    off, weights = at[:, None] - nodes, np.ones(nodes.shape)
+    difference, weights = at[:, None] - nodes, np.ones(nodes.shape)
     for i in range(_NODES):
         for j in range(_NODES):
             if i != j:
-                weights[:, i] *= off[:, j] / (nodes[:, i] - nodes[:, j])
+                weights[:, i] *= difference[:, j] / (nodes[:, i] - nodes[:, j])
     return weights
 
 

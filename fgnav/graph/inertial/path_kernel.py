@@ -28,8 +28,8 @@ class Intervals(NamedTuple):
     sigma_radps: FloatArray  # (n - 1, 3), of the process about each axis
     force_white: FloatArray  # (n - 1, 3), see ``gyro_free._force_white``
     walk_white: FloatArray  # (n - 1,)
-    lasting: FloatArray  # (n - 1, q, q), transition of the array's lasting error; q may be 0
-    lasting_white: FloatArray  # (n - 1, q, q), what whitens its noise
+    correlated: FloatArray  # (n - 1, q, q), of the array's correlated error; q may be 0
+    correlated_white: FloatArray  # (n - 1, q, q), what whitens its noise
 
 
 class Path(NamedTuple):

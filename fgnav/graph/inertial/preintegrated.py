@@ -12,7 +12,6 @@ References
    group approach, IEEE RA-L 10, 2025.
 """
 
-from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import cast
@@ -33,14 +32,13 @@ from fgnav.graph.types.motion import (
     LinearisedMotion,
     NoiseParts,
 )
-from fgnav.graph.types.states import AUX, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, States
 from fgnav.types.flight import Imu
 
 TURNED_RAD = 0.002  # bias times span beyond which the first-order correction errs: .02 sigma
 _GRAVITY_DIGITS = 5  # 1e-5 m/s2, three metres of height: intervals alike share their parameters
 _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
-_BIASES = 6
-_WIDTH = AUX + _BIASES
+_WIDTH = AUX + GYROSCOPE_AUX
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,7 +57,7 @@ class _Store:
     @classmethod
     def empty(cls, count: int) -> "_Store":
         """Return room for so many intervals."""
-        return cls(np.full((count, _BIASES), np.nan))
+        return cls(np.full((count, GYROSCOPE_AUX), np.nan))
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -89,24 +87,21 @@ class Inertial:
         """
         if self.imu.w_b_radps is None:
             raise BadInputError("inertial motion: the imu has no gyroscope")
-        self._check_shapes()
-        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store.empty(len(self.t_s) - 1))
-
-    def _check_shapes(self) -> None:
         n = len(self.t_s)
         shapes = {
             "gravity_n_mps2": (n, 3),
             "accelerometer_noise": (n - 1,),
             "gyroscope_noise": (n - 1,),
-            "bias_steps": (n - 1, _BIASES),
+            "bias_steps": (n - 1, GYROSCOPE_AUX),
         }
         check_shapes("inertial", self, shapes)
+        object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
+        object.__setattr__(self, "_store", _Store.empty(n - 1))
 
     @property
     def aux(self) -> int:
         """Dimensions of ``States.aux``."""
-        return _BIASES
+        return GYROSCOPE_AUX
 
     def linearise(self, before: States, after: States, intervals: IntArray) -> LinearisedMotion:
         """Return whitened residuals of some intervals, (j,), between states, j of each."""
@@ -134,9 +129,9 @@ class Inertial:
             aux = before.aux[i]
             rotation = gtsam.Rot3(before.R_nb[i])
             state = gtsam.NavState(rotation, before.p_n_m[i], before.v_n_mps[i])
-            led = self._sums(k, aux).predict(state, as_bias(aux))
-            after.R_nb[i] = led.attitude().matrix()
-            after.p_n_m[i], after.v_n_mps[i] = led.position(), led.velocity()
+            predicted = self._sums(k, aux).predict(state, as_bias(aux))
+            after.R_nb[i] = predicted.attitude().matrix()
+            after.p_n_m[i], after.v_n_mps[i] = predicted.position(), predicted.velocity()
         return after
 
     def rates_b_radps(self, t_s: FloatArray, aux: FloatArray) -> FloatArray:
@@ -149,10 +144,10 @@ class Inertial:
 
     def prior(self, constants: int) -> tuple[FloatArray, FloatArray]:
         """Return mean, (6,), and whitening rows, (6, 6 + b), of the first keyframe's biases."""
-        imu, rows = self.imu, np.zeros((_BIASES, _BIASES + constants))
+        imu, rows = self.imu, np.zeros((GYROSCOPE_AUX, GYROSCOPE_AUX + constants))
         sigma = np.repeat([imu.accelerometer_bias_mps2, imu.gyroscope_bias_radps or np.inf], 3)
-        rows[range(_BIASES), range(_BIASES)] = 1 / sigma
-        return np.zeros(_BIASES), rows
+        rows[range(GYROSCOPE_AUX), range(GYROSCOPE_AUX)] = 1 / sigma
+        return np.zeros(GYROSCOPE_AUX), rows
 
     def factors(
         self, k: int, key_before: int, key_after: int, about: States
@@ -170,15 +165,11 @@ class Inertial:
         BadInputError
             If what is added has another shape.
         """
-        louder = copy(self)  # its samples are cut already
-        for name, noise in (
-            ("accelerometer_noise", self.accelerometer_noise + accelerometer_density),
-            ("gyroscope_noise", self.gyroscope_noise + gyroscope_density),
-            ("_store", _Store.empty(len(self.t_s) - 1)),
-        ):
-            object.__setattr__(louder, name, noise)
-        louder._check_shapes()
-        return louder
+        return replace(
+            self,
+            accelerometer_noise=self.accelerometer_noise + accelerometer_density,
+            gyroscope_noise=self.gyroscope_noise + gyroscope_density,
+        )
 
     def at_times(self, t_s: FloatArray) -> "Inertial":
         """Build the motion between other keyframes, (m,), the present ones among them.
@@ -213,11 +204,11 @@ class Inertial:
             imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0,
         )
         accelerometer = imu.accelerometer_noise_mps2_per_sqrt_hz
-        of_unit = np.isclose(self.accelerometer_noise[of], accelerometer**2)
-        of_unit &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
+        of_imu = np.isclose(self.accelerometer_noise[of], accelerometer**2)
+        of_imu &= np.isclose(self.gyroscope_noise[of], gyroscope**2)
         if self.bias_steps is not None:
-            of_unit &= ~self.bias_steps[of].any(axis=1)
-        nothing = np.zeros(_BIASES)
+            of_imu &= ~self.bias_steps[of].any(axis=1)
+        nothing = np.zeros(GYROSCOPE_AUX)
         one_each = (
             (accelerometer**2, 0.0, nothing, 0.0),
             (0.0, gyroscope**2, nothing, 0.0),
@@ -225,9 +216,9 @@ class Inertial:
             (0.0, 0.0, np.repeat([0.0, walks[1] ** 2], 3), 0.0),
             (0.0, 0.0, nothing, INTEGRATION_M2),
         )
-        parts = np.zeros((len(of_unit), len(one_each), _WIDTH, _WIDTH))
+        parts = np.zeros((len(of_imu), len(one_each), _WIDTH, _WIDTH))
         for i, k in enumerate(np.arange(len(self.t_s) - 1)[of].tolist()):
-            if not of_unit[i]:
+            if not of_imu[i]:
                 parts[i, -1] = np.eye(_WIDTH)
                 continue
             about = np.nan_to_num(self._store.biases[k])
@@ -262,7 +253,7 @@ class Inertial:
             about[k] = biases
             sums.pop(k, None)
         if k not in sums:
-            steps = np.zeros(_BIASES) if self.bias_steps is None else self.bias_steps[k]
+            steps = np.zeros(GYROSCOPE_AUX) if self.bias_steps is None else self.bias_steps[k]
             walk = self.imu.accelerometer_bias_walk_mps2_per_sqrt_s
             turning = self.imu.gyroscope_bias_walk_radps_per_sqrt_s or 0.0
             walks = np.repeat([walk**2, turning**2], 3) + steps
@@ -278,7 +269,7 @@ class Inertial:
         most: int | None = None,
     ) -> gtsam.PreintegratedCombinedMeasurementsG:
         """Return interval k summed up about biases, (6,); by ``most`` of its sub-steps or fewer."""
-        _, (step_s,), f_b, w_b = self._increments.of(np.array([k]), most)
+        step_s, f_b, w_b = self._increments.interval(k, most)
         made = gtsam.PreintegratedCombinedMeasurementsG(parameters, as_bias(biases))
         for f, w in zip(f_b, w_b, strict=True):
             made.integrateMeasurement(f, w, step_s)

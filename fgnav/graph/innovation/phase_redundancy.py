@@ -14,8 +14,6 @@ References
 .. [1] Bierman: Factorization Methods for Discrete Sequential Estimation, 1977, chapter V.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg.lapack import dtpqrt, dtrcon
 
@@ -28,40 +26,22 @@ _TOGETHER = 8  # columns: LAPACK's blocks, by which 90 take .1 ms
 def phase_innovations(phase: AntennaPhase) -> tuple[FloatArray, IntArray]:
     """Return the innovation squared of each epoch, (k,), and its degrees of freedom, (k,)."""
     squared, freedom = np.zeros(len(phase.row)), np.zeros(len(phase.row), dtype=np.int64)
-    arcs = ArcsSoFar.before(phase)
-    for i in range(len(phase.row)):
-        squared[i], freedom[i] = arcs.take(phase, i)
+    before, block, rank = phase.blocks[0].before.shape[1], phase.first_block - 1, 0
+    root = np.zeros((before + 1, before + 1))  # triangular: of A and y
+    for i, number in enumerate(phase.block.tolist()):
+        while block < number:
+            block += 1
+            root = _propagated(root, phase.blocks[block - phase.first_block])
+            rank = _rank(root)
+        H, z = phase.rows[i].without_place()
+        root, squared[i] = _updated(root, np.column_stack([H, z]))
+        is_full = rank == len(root) - 1  # nothing is open to tell
+        previous, rank = rank, rank if is_full else _rank(root)
+        freedom[i] = len(z) + previous - rank
     return squared, freedom
 
 
-@dataclass(slots=True)
-class ArcsSoFar:
-    """Information about arcs from the epochs so far."""
-
-    root: FloatArray  # (d + 1, d + 1), triangular: of A and y
-    block: int  # the number of their block
-    rank: int = 0
-
-    @classmethod
-    def before(cls, phase: AntennaPhase) -> "ArcsSoFar":
-        """Return the empty information about arcs of the first epoch."""
-        before = phase.blocks[0].before.shape[1]
-        return cls(np.zeros((before + 1, before + 1)), phase.first_block - 1)
-
-    def take(self, phase: AntennaPhase, i: int) -> tuple[float, int]:
-        """Take in epoch i; return the square of its innovation and its degrees of freedom."""
-        while self.block < phase.block[i]:
-            self.block += 1
-            self.root = _led_on(self.root, phase.blocks[self.block - phase.first_block])
-            self.rank = _rank(self.root)
-        H, z = phase.rows[i].without_place()
-        self.root, squared = _taken_in(self.root, np.column_stack([H, z]))
-        before, is_full = self.rank, self.rank == len(self.root) - 1  # nothing is open to tell
-        self.rank = self.rank if is_full else _rank(self.root)
-        return squared, len(z) + before - self.rank
-
-
-def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:
+def _propagated(root: FloatArray, block: ArcBlock) -> FloatArray:
     """Propagate the arcs of the previous block to a block.
 
     As a triangular system ``[A | y]``, (d + 1, d + 1), as that before is.
@@ -70,13 +50,13 @@ def _led_on(root: FloatArray, block: ArcBlock) -> FloatArray:
     rows = np.zeros((d + len(block.right), d + size + 1))
     rows[:d, :d], rows[:d, -1] = root[:d, :d], root[:d, d]
     rows[d:, :d], rows[d:, d:-1], rows[d:, -1] = -block.before, block.after, block.right
-    led = np.asarray(np.linalg.qr(rows, mode="r"))
-    after, out = led[d : d + size, d:], np.zeros((size + 1, size + 1))
+    triangular = np.asarray(np.linalg.qr(rows, mode="r"))
+    after, out = triangular[d : d + size, d:], np.zeros((size + 1, size + 1))
     out[: len(after)] = after
     return out
 
 
-def _taken_in(root: FloatArray, rows: FloatArray) -> tuple[FloatArray, float]:
+def _updated(root: FloatArray, rows: FloatArray) -> tuple[FloatArray, float]:
     """Return a triangular system with further rows, and the square of what is left over."""
     taken = dtpqrt(0, min(_TOGETHER, len(root)), root, rows)[0] if len(rows) else root.copy()
     left, taken[-1, -1] = float(taken[-1, -1] ** 2), 0.0

@@ -33,7 +33,7 @@ def contiguous(at: States, indices: IntArray) -> tuple[States, IntArray]:
 
 
 @kernel
-def room(at: States, indices: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def zero_rows(at: States, indices: IntArray, m: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return zeros for residuals of j measurements, (j, m), and derivatives; see ``Linearised``."""
     j, D, b = len(indices), 9 + at.aux.shape[1], len(at.constants)
     return np.zeros((j, m)), np.zeros((j, m, D)), np.zeros((j, m, b))

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.states import States
+from fgnav.types.flight import Imu
 
 if TYPE_CHECKING:
     import gtsam
@@ -45,6 +46,16 @@ class Motion(Protocol):
     @property
     def t_s(self) -> FloatArray:
         """Keyframes, (n,)."""
+        ...
+
+    @property
+    def imu(self) -> Imu:
+        """Inertial samples, of which the gyroscope's need not be used."""
+        ...
+
+    @property
+    def earth_rate_n_radps(self) -> FloatArray:
+        """Rotation of the Earth, (3,)."""
         ...
 
     @property

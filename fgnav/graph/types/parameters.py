@@ -1,6 +1,6 @@
 """Constants of a flight that are estimated with it: positions, angles, offsets."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -142,15 +142,6 @@ class Parameters:
             columns = slice(first, first + part.size)
             P[columns, columns] = part.covariance
         return P
-
-    def started_at(self, values: FloatArray) -> "Parameters":
-        """Replace the values at which the search starts, (b,)."""
-        return Parameters(
-            tuple(
-                replace(part, start=values[first : first + part.size])
-                for part, first in zip(self.parts, self.first, strict=True)
-            )
-        )
 
 
 NO_PARAMETERS = Parameters()

@@ -9,7 +9,7 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.graph.types.motion import Motion
 from fgnav.graph.types.parameters import Parameter, Parameters
 from fgnav.graph.types.sensor import Sensor
-from fgnav.graph.types.states import AUX, RATE, States
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, RATE, States
 
 if TYPE_CHECKING:
     from fgnav.graph.factors.antenna_phase import AntennaPhase
@@ -44,7 +44,7 @@ class Problem:
     t_s : ndarray, shape (n,)
         Keyframes.
     start : States
-        Where the search starts; its constants are those of ``constants.start``.
+        Where the search starts, with the constants.
     motion : Motion
     sensors : tuple of Sensor
     constants : Parameters
@@ -69,25 +69,25 @@ class Problem:
     phase: "AntennaPhase | None" = None
     rate_known: bool = False
 
-    def begun(self, row: int, led: States) -> States:
-        """Return where a window starts a keyframe to which the motion has led."""
+    def begun(self, row: int, predicted: States) -> States:
+        """Return where a window starts a keyframe that the motion has predicted."""
         if not self.attitude_known[row]:
-            return led
-        at, aux = slice(row, row + 1), led.aux
+            return predicted
+        at, aux = slice(row, row + 1), predicted.aux
         if self.rate_known:
             aux = aux.copy()
             aux[:, _RATE] = self.start.aux[at, _RATE]
-        return led._replace(R_nb=self.start.R_nb[at], aux=aux)
+        return predicted._replace(R_nb=self.start.R_nb[at], aux=aux)
+
+    @property
+    def gyroscope(self) -> bool:
+        """True if the motion is that of a gyroscope."""
+        return self.motion.aux == GYROSCOPE_AUX
 
     @property
     def width(self) -> int:
         """Dimensions of one keyframe's tangent, D."""
         return self.start.width
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Keyframes, and constants of the flight: what states of a search are to agree in."""
-        return len(self.t_s), self.constants.width
 
     def with_constants(self, parts: tuple[Parameter, ...]) -> "Problem":
         """Append constants, for sensors and phases."""

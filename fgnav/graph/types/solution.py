@@ -16,8 +16,9 @@ class Solution:
         Its constants are as known by all that was used.
     covariance : ndarray, shape (n, D, D)
         Tangents as in ``states``: rotation, position in body axes; velocity in ``n``; ``aux``.
-    cross : ndarray, shape (n - 1, D, D), or None
-        Covariance of each state with the next; None of states that are not of one smoothing.
+    cross : ndarray, shape (n, D, D), or None
+        Covariance of each state with the next, zero after the newest; None of states that are not
+        of one smoothing.
     constant_covariance : ndarray, shape (n, b, b)
         Of the constants at each keyframe: what was known of them by then, of a window; else the
         same everywhere.

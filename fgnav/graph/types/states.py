@@ -14,16 +14,17 @@ from fgnav.process.matern_kernel import DERIVATIVE_SCALE_S as DERIVATIVE_SCALE_S
 ROTATION, POSITION, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCELEROMETER_BIAS, RATE = slice(9, 12), slice(12, 15)  # RATE: of the gyroscope's bias with one
 AUX = 9
+GYROSCOPE_AUX = 6  # dimensions of ``aux`` with a gyroscope
 __all__ = [
     "ACCELEROMETER_BIAS",
     "AUX",
     "DERIVATIVE_SCALE_S",
+    "GYROSCOPE_AUX",
     "POSITION",
     "RATE",
     "ROTATION",
     "VELOCITY",
     "States",
-    "joined",
 ]
 
 
@@ -83,9 +84,3 @@ class States(NamedTuple):
                 other.aux - self.aux,
             ]
         )
-
-
-def joined(parts: list[States]) -> States:
-    """Return states one after another, with the constants of the last part."""
-    arrays = (np.concatenate([part[i] for part in parts]) for i in range(4))
-    return States._make((*arrays, parts[-1].constants))

@@ -10,6 +10,11 @@ from fgnav.methods.smoothing.estimates import ROUGH
 from fgnav.types.estimate import Estimate
 
 
+def no_keyframes(method: str) -> Estimate:
+    """Return the estimate of a stream at a time when no keyframe is due."""
+    return Estimate(method=method, t_s=np.empty(0), n_epochs=0, R_nb=np.empty((0, 3, 3)))
+
+
 def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     """Return an estimate's epochs from a time on and before another."""
     rows = (estimate.t_s >= from_s) & (estimate.t_s < until_s)

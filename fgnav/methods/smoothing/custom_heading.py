@@ -102,12 +102,11 @@ def _heading_correction(problem: Problem, one: NamedFactor, k: int) -> tuple[flo
 
 
 def _at(problem: Problem, k: int, turn_rad: float) -> gtsam.Values:
+    """Return a keyframe turned about down, and the constants, where the search starts."""
     layout, values, start = Layout.of(problem), gtsam.Values(), problem.start
     insert_constants(values, layout, start.constants)
-    turned = start._replace(R_nb=_about_down(turn_rad) @ start.R_nb[k : k + 1])
-    R_nb = np.array(start.R_nb)
-    R_nb[k] = turned.R_nb[0]
-    insert_keyframe(values, layout, k, start._replace(R_nb=R_nb), k)
+    here = start.at(slice(k, k + 1))
+    insert_keyframe(values, layout, k, here._replace(R_nb=_about_down(turn_rad) @ here.R_nb))
     return values
 
 

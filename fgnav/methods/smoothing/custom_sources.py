@@ -1,52 +1,38 @@
 """Sources of custom factors: callables, names of installed ones, manifests of networks."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import gtsam
 
 from fgnav import plugins
 from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import BadInputError, Unused
 from fgnav.graph import keys
+from fgnav.graph.custom import NamedFactor, named
 from fgnav.graph.keys import Timeline
 from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.parameters import Parameter
 from fgnav.types.flight import Flight
 
-if TYPE_CHECKING:
-    import gtsam
-
-    from fgnav.graph.custom import NamedFactor
-
 FACTORS = "fgnav.factors"  # entry points
 
-FactorSource = Callable[[Flight, Timeline], "Iterable[gtsam.NonlinearFactor | NamedFactor]"]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class CustomFactors:
-    """Custom factors, each with its name, and what their sources report."""
-
-    factors: "tuple[NamedFactor, ...]" = ()
-    unused: tuple[Unused, ...] = ()
-    notes: tuple[str, ...] = ()
-    networks: tuple[str, ...] = ()  # names of those that were asked
+FactorSource = Callable[[Flight, Timeline], Iterable[gtsam.NonlinearFactor | NamedFactor]]
 
 
 def custom_factors(
     sources: tuple[FactorSource | str, ...], flight: Flight, prepared: PreparedFlight
-) -> tuple[PreparedFlight, CustomFactors]:
+) -> tuple[PreparedFlight, Sourced]:
     """Return the factors that sources and the flight's networks make, and what they leave out.
 
     The flight is returned with the constants that they ask for.
     """
     if not (sources or flight.networks):
-        return prepared, CustomFactors()
-    from fgnav.graph.custom import named  # noqa: PLC0415  # lazy: gtsam
-
+        return prepared, Sourced()
     problem, asking = prepared.problem, with_networks(sources, flight.networks)
-    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.motion.aux == 6)
+    timeline = Timeline(t_s=problem.t_s, gyroscope=problem.gyroscope)
     made: list[NamedFactor] = []
     unused: list[Unused] = []
     notes: list[str] = []
@@ -62,7 +48,10 @@ def custom_factors(
     asked = custom_constants(asking)
     prepared = prepared.changed(lambda problem: problem.with_constants(asked))
     networks = tuple(one.name for one in asking if hasattr(one, "manifest"))
-    return prepared, CustomFactors(tuple(made), tuple(unused), tuple(notes), networks)
+    sourced = Sourced(
+        factors=tuple(made), unused=tuple(unused), notes=tuple(notes), networks=networks
+    )
+    return prepared, sourced
 
 
 def custom_constants(sources: Iterable[Any]) -> tuple[Parameter, ...]:

@@ -1,20 +1,27 @@
 """From states of the accelerometer to an estimate of the body's origin, covariances with them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.rates import timed_motion
 from fgnav.assembly.prepared import PreparedFlight
+from fgnav.attitude.baselines import BodyMotion
 from fgnav.checks import BoolArray, FloatArray, IntArray, Unused
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import skew
 from fgnav.graph.delayed import CLOCK_OFFSET, on_gnss_time
-from fgnav.graph.types.parameters import Parameters
+from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
-from fgnav.graph.types.states import ACCELEROMETER_BIAS, RATE
+from fgnav.graph.types.states import (
+    ACCELEROMETER_BIAS,
+    POSITION,
+    RATE,
+    ROTATION,
+    VELOCITY,
+)
 from fgnav.messages import note
 from fgnav.methods.smoothing.calibration_report import calibrated_parameters, constant_note
 from fgnav.methods.smoothing.observability import TURN, undetermined
@@ -22,15 +29,6 @@ from fgnav.types.estimate import Estimate
 
 ROUGH = "its window ended too far from where it was linearised"
 _FEW = 0.5  # of keyframes: where most are refused the method ended nowhere
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Body:
-    """Properties of a body besides its states."""
-
-    position_b_m: FloatArray  # (3,): the accelerometer's
-    earth_rate_n_radps: FloatArray  # (3,)
-    gyroscope: bool  # whether it has one
 
 
 def estimate_of(
@@ -91,22 +89,17 @@ def stated_at(
 ) -> Estimate:
     """Return the estimate of the body's origin by some rows of a problem, at GNSS time."""
     t_s = problem.t_s[rows]
-    body = Body(
-        position_b_m=prepared.imu.position_b_m,
-        earth_rate_n_radps=prepared.earth_rate_n_radps,
-        gyroscope=prepared.imu.w_b_radps is not None,
-    )
     if problem.constants.column(CLOCK_OFFSET) >= 0:  # states so far are those of the unit's clock
         timed = timed_motion(
             prepared.imu,
             t_s,
             problem.motion.gravity_n_mps2[rows],
-            prepared.earth_rate_n_radps,
+            problem.motion.earth_rate_n_radps,
             causal=prepared.causal,
         )
         part = on_gnss_time(part, timed, problem.constants)
     w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
-    estimate = stated(name, problem.constants, part, t_s, w_b_radps, body)
+    estimate = stated(name, problem, part, t_s, w_b_radps)
     added, P = prepared.attitude_inflation_rad2, estimate.attitude_covariance_rad2
     if added is None or P is None:
         return estimate
@@ -115,49 +108,39 @@ def stated_at(
 
 
 def stated(
-    name: str,
-    constants: Parameters,
-    solution: Solution,
-    t_s: FloatArray,
-    w_b_radps: FloatArray,
-    body: Body,
+    name: str, problem: Problem, solution: Solution, t_s: FloatArray, w_b_radps: FloatArray
 ) -> Estimate:
     """Return the estimate of the body's origin by a solution, without its circumstances.
 
     Parameters
     ----------
     name : str
-    constants : Parameters
-        Those solved.
+    problem : Problem
+        Of the body and the constants that are solved.
     solution : Solution
     t_s : ndarray, shape (n,)
         Times of its states.
     w_b_radps : ndarray, shape (n, 3)
         Their rates: of a gyroscope, less its bias, against inertial space; states of the rate
         against n.
-    body : Body
     """
-    motion = origin_motion(solution, w_b_radps, body, constants)
-    bias = solution.states.aux[:, 3:6] if body.gyroscope else None
+    states, P, gyroscope = solution.states, solution.covariance, problem.gyroscope
+    motion, rates = _origin_motion(problem, solution, w_b_radps)
     return Estimate(
         method=name,
         t_s=t_s,
         n_epochs=len(t_s),
-        R_nb=solution.states.R_nb,
-        attitude_covariance_rad2=solution.covariance[:, :3, :3],
+        R_nb=states.R_nb,
+        attitude_covariance_rad2=P[:, ROTATION, ROTATION],
         p_n_m=motion.p_n_m,
         position_covariance_m2=motion.position_covariance_m2,
         v_n_mps=motion.v_n_mps,
         velocity_covariance_m2ps2=motion.velocity_covariance_m2ps2,
-        angular_rate_b_radps=motion.w_b_radps,
-        accelerometer_bias_mps2=solution.states.aux[:, :3],
-        accelerometer_bias_covariance_m2ps4=solution.covariance[
-            :, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS
-        ],
-        gyroscope_bias_radps=bias,
-        gyroscope_bias_covariance_rad2ps2=(
-            solution.covariance[:, RATE, RATE] if body.gyroscope else None
-        ),
+        angular_rate_b_radps=rates,
+        accelerometer_bias_mps2=states.aux[:, :3],
+        accelerometer_bias_covariance_m2ps4=P[:, ACCELEROMETER_BIAS, ACCELEROMETER_BIAS],
+        gyroscope_bias_radps=states.aux[:, 3:6] if gyroscope else None,
+        gyroscope_bias_covariance_rad2ps2=P[:, RATE, RATE] if gyroscope else None,
         converged=solution.converged,
     )
 
@@ -173,64 +156,43 @@ def _refused(prepared: PreparedFlight, solution: Solution) -> BoolArray:
     return none if refused is None or prepared.rough or not is_part else refused
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class OriginMotion:
-    """Motion of the body's origin."""
-
-    w_b_radps: FloatArray  # (n, 3): body rates against inertial space
-    p_n_m: FloatArray  # (n, 3)
-    position_covariance_m2: FloatArray  # (n, 3, 3)
-    v_n_mps: FloatArray  # (n, 3)
-    velocity_covariance_m2ps2: FloatArray  # (n, 3, 3)
-
-
-def origin_motion(
-    solution: Solution, w_b_radps: FloatArray, body: Body, constants: Parameters
-) -> OriginMotion:
+def _origin_motion(
+    problem: Problem, solution: Solution, w_b_radps: FloatArray
+) -> tuple[BodyMotion, FloatArray]:
     """Move states from the accelerometer to the origin: ``p + R a`` and ``v + R (w_nb x a)``.
 
     An estimated lever arm from accelerometer to antennas moves the accelerometer in the body, and
-    its doubt is part of the origin's.
-
-    Parameters
-    ----------
-    solution : Solution
-    w_b_radps : ndarray, shape (n, 3)
-        Rates as in ``stated``.
-    body : Body
-    constants : Parameters
+    its doubt is part of the origin's. Returned with body rates against inertial space, (n, 3).
     """
     R_nb, P, n = solution.states.R_nb, solution.covariance, len(w_b_radps)
-    lever, width = constants.columns("lever-arm"), P.shape[1]
-    constant_values = (
-        solution.states.constants if solution.constants is None else solution.constants
-    )
-    arm_b_m: FloatArray = np.tile(-body.position_b_m, (n, 1))
+    motion, lever = problem.motion, problem.constants.columns(LEVER_ARM)
+    gyroscope = problem.gyroscope
+    constants = solution.states.constants if solution.constants is None else solution.constants
+    arm_b_m: FloatArray = np.tile(-motion.imu.position_b_m, (n, 1))
     if lever.stop:
-        arm_b_m += constant_values[..., lever]
+        arm_b_m += constants[..., lever]
     arm = skew(arm_b_m)
-    earth_b_radps = np.einsum("nji,j->ni", R_nb, body.earth_rate_n_radps)
-    relative_radps = w_b_radps - earth_b_radps if body.gyroscope else w_b_radps
-    swing_b_mps = np.cross(relative_radps, arm_b_m)
-    A: FloatArray = np.zeros((n, 3, width))  # of position by the state
-    B: FloatArray = np.zeros((n, 3, width))  # of velocity
-    A[:, :, :3], A[:, :, 3:6] = -R_nb @ arm, R_nb
-    B[:, :, :3] = -R_nb @ skew(swing_b_mps)
-    if body.gyroscope:
-        B[:, :, :3] += R_nb @ arm @ skew(earth_b_radps)
-    B[:, :, 6:9] = np.eye(3)
-    B[:, :, RATE] = R_nb @ arm if body.gyroscope else -R_nb @ arm
+    earth_b_radps = np.einsum("nji,j->ni", R_nb, motion.earth_rate_n_radps)
+    relative_radps = w_b_radps - earth_b_radps if gyroscope else w_b_radps
+    arm_velocity_b_mps = np.cross(relative_radps, arm_b_m)
+    A: FloatArray = np.zeros((n, 3, P.shape[1]))  # of position by the state
+    B: FloatArray = np.zeros((n, 3, P.shape[1]))  # of velocity
+    A[:, :, ROTATION], A[:, :, POSITION] = -R_nb @ arm, R_nb
+    B[:, :, ROTATION] = -R_nb @ skew(arm_velocity_b_mps)
+    if gyroscope:
+        B[:, :, ROTATION] += R_nb @ arm @ skew(earth_b_radps)
+    B[:, :, VELOCITY] = np.eye(3)
+    B[:, :, RATE] = R_nb @ arm if gyroscope else -R_nb @ arm
     if lever.stop:
         cross = solution.constant_cross[:, :, lever]
         lever_covariance = solution.constant_covariance[:, lever, lever]
         P = np.asarray(np.block([[P, cross], [cross.swapaxes(1, 2), lever_covariance]]))
-        spin = skew(relative_radps)
         A = np.concatenate([A, R_nb], axis=2)
-        B = np.concatenate([B, R_nb @ spin], axis=2)
-    return OriginMotion(
-        w_b_radps=relative_radps + earth_b_radps,
+        B = np.concatenate([B, R_nb @ skew(relative_radps)], axis=2)
+    moved = BodyMotion(
         p_n_m=solution.states.p_n_m + np.einsum("nij,nj->ni", R_nb, arm_b_m),
         position_covariance_m2=A @ P @ A.swapaxes(1, 2),
-        v_n_mps=solution.states.v_n_mps + np.einsum("nij,nj->ni", R_nb, swing_b_mps),
+        v_n_mps=solution.states.v_n_mps + np.einsum("nij,nj->ni", R_nb, arm_velocity_b_mps),
         velocity_covariance_m2ps2=B @ P @ B.swapaxes(1, 2),
     )
+    return moved, relative_radps + earth_b_radps

@@ -2,10 +2,10 @@
 
 from collections import Counter
 
+from fgnav.graph.sourced import Sourced
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.integers.acceptance import HANDED_OVER
-from fgnav.methods.smoothing.custom_sources import CustomFactors
 from fgnav.types.estimate import GraphSummary
 from fgnav.types.integers import Integers
 
@@ -14,12 +14,12 @@ TRUST = "trust"  # the network of integers
 
 def graph_summary(
     problem: Problem,
-    sourced: CustomFactors,
+    sourced: Sourced,
     solution: Solution,
     integers: Integers | None,
 ) -> GraphSummary:
     """Return the summary of a solved problem, its custom factors and integers."""
-    motion = "inertial" if problem.motion.aux == 6 else "gyro-free motion"
+    motion = "inertial" if problem.gyroscope else "gyro-free motion"
     factors = {motion: len(problem.t_s) - 1}
     measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
     for one in measured:

@@ -40,7 +40,7 @@ def undetermined(problem: Problem, solution: Solution) -> tuple[tuple[str, ...],
         names.append("position")
     if _share(P[:, 6:9, 6:9], VELOCITY_PRIOR_MPS) > _MOST:
         names.append("velocity")
-    gyroscope = problem.motion.aux == 6
+    gyroscope = problem.gyroscope
     width = 6 if gyroscope else 3  # without one, derivatives of the rate have a prior, not a bias
     rows = problem.motion.prior(problem.constants.width)[1]
     before = np.sqrt(np.diag(np.linalg.inv(rows[:, : len(rows)].T @ rows[:, : len(rows)])))[:width]

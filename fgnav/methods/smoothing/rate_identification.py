@@ -62,11 +62,11 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     candidates = _climbed(run)
     highest = max(one.log_posterior for one in candidates.values())
     plausible = [
-        place for place, one in candidates.items() if one.log_posterior > highest - _PLAUSIBLE
+        node for node, one in candidates.items() if one.log_posterior > highest - _PLAUSIBLE
     ]
     if len(keyframes) < len(problem.t_s):
-        candidates = {place: _candidate(problem, place) for place in plausible}
-    here = max(plausible, key=lambda place: candidates[place].log_posterior)
+        candidates = {node: _candidate(problem, node) for node in plausible}
+    here = max(plausible, key=lambda node: candidates[node].log_posterior)
     best = max(nominal, candidates[here], key=lambda one: one.log_posterior)
     added = _spread(best, (nominal, *candidates.values()))
     if best is nominal:
@@ -87,11 +87,11 @@ def _climbed(problem: Problem) -> dict[tuple[int, int], _Candidate]:
     here = _BEGIN
     while True:
         around = [(here[0] + a, here[1] + b) for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
-        for place in around:
-            if place not in candidates and min(place) >= _LEAST and place[0] <= _LONGEST:
-                candidates[place] = _candidate(problem, place)
-        near = [here, *(place for place in around if place in candidates)]
-        likeliest = max(near, key=lambda place: candidates[place].log_posterior)
+        for node in around:
+            if node not in candidates and min(node) >= _LEAST and node[0] <= _LONGEST:
+                candidates[node] = _candidate(problem, node)
+        near = [here, *(node for node in around if node in candidates)]
+        likeliest = max(near, key=lambda node: candidates[node].log_posterior)
         if likeliest == here:
             return candidates
         here = likeliest
@@ -112,18 +112,18 @@ def _spread(best: _Candidate, candidates: tuple[_Candidate, ...]) -> FloatArray 
     return np.asarray(covariance / max(total, 1.0))
 
 
-def _prior(place: tuple[int, int]) -> RatePrior:
-    """Return the prior at a place of the grid."""
-    sigma = np.radians(_STEP ** place[1])
+def _prior(node: tuple[int, int]) -> RatePrior:
+    """Return the prior at a node of the grid."""
+    sigma = np.radians(_STEP ** node[1])
     return RatePrior(
-        length_s=_STEP ** place[0], variance_rad2ps2=np.full(3, sigma**2), evidence=np.nan
+        length_s=_STEP ** node[0], variance_rad2ps2=np.full(3, sigma**2), evidence=np.nan
     )
 
 
-def _candidate(problem: Problem, place: tuple[int, int]) -> _Candidate:
-    """Return a place of the grid, of a problem without a gyroscope."""
+def _candidate(problem: Problem, node: tuple[int, int]) -> _Candidate:
+    """Return a node of the grid, of a problem without a gyroscope."""
     motion = cast("GyroFree", problem.motion)
-    prior, n = _prior(place), len(problem.t_s) - 1
+    prior, n = _prior(node), len(problem.t_s) - 1
     changed = replace(
         motion,
         poles_per_s=np.tile(prior.poles_per_s, (n, 1, 1)),

@@ -1,7 +1,7 @@
 """A prepared flight through the solvers: by a window, by its newest state, at once."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fgnav.assembly.heading_open import FIXED_RAD
 from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, NoSolutionError
 from fgnav.geometry.interpolation import interpolate
+from fgnav.graph.custom import NamedFactor
 from fgnav.graph.types.problem import (
     ROTATION_PRIOR_RAD,
     AttitudePrior,
@@ -18,25 +19,20 @@ from fgnav.graph.types.problem import (
 )
 from fgnav.graph.types.solution import Solution
 from fgnav.methods.smoothing.observability import TURN
+from fgnav.solve.batch import minimum, solve_batch
+from fgnav.solve.fixed_lag import solve_fixed_lag
+from fgnav.solve.gauss_newton import Minimum
+from fgnav.solve.headings import over_headings
 from fgnav.types.estimate import open_angle_variance_rad2
-
-if TYPE_CHECKING:
-    from fgnav.graph.custom import NamedFactor
-    from fgnav.solve.gauss_newton import Minimum
 
 # Times what noise explains. Of wrong minima, spins lost or a body that was not nose first, costs
 # were 1.6 to 2600 times that, of right ones 0.9 to 1.3.
 _MISFIT = 1.5
-_GYROSCOPE_AUX = 6  # dimensions of a keyframe's biases
 _ROUGHLY = 20  # iterations about a heading that is but one of several
 
 
-def by_window(
-    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]", lag_s: float
-) -> Solution:
+def by_window(prepared: PreparedFlight, custom: tuple[NamedFactor, ...], lag_s: float) -> Solution:
     """Return each keyframe as known from the data up to ``lag_s`` after it."""
-    from fgnav.solve.fixed_lag import solve_fixed_lag  # noqa: PLC0415  # lazy: gtsam
-
     problem, keep, added = prepared.problem, False, None
     if not prepared.causal and is_known_late(prepared):
         problem, added = _at_batch(prepared, custom)
@@ -49,7 +45,7 @@ def by_window(
     return replace(solution, covariance=solution.covariance + added)
 
 
-def at_once(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> Solution:
+def at_once(prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> Solution:
     """Return each keyframe as known from all data."""
     return _ended(prepared, custom).solution
 
@@ -86,7 +82,7 @@ class _End(NamedTuple):
 
 
 def _at_batch(
-    prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]"
+    prepared: PreparedFlight, custom: tuple[NamedFactor, ...]
 ) -> tuple[Problem, FloatArray | None]:
     """Return the problem, started where the batch has the flight, and what other headings add."""
     end = _ended(prepared, custom)
@@ -99,19 +95,16 @@ def _at_batch(
     problem = replace(
         end.problem,
         start=states,
-        constants=end.problem.constants.started_at(states.constants),
         attitude_known=np.ones_like(end.problem.attitude_known),
     )
     return problem, end.added
 
 
-def _ended(prepared: PreparedFlight, custom: "tuple[NamedFactor, ...]") -> _End:
+def _ended(prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> _End:
     """Return the end of a batch; its minimum counts only where it explains the measurements.
 
     That is asked where nothing measures attitudes: there the search may end anywhere.
     """
-    from fgnav.solve.batch import minimum, solve_batch  # noqa: PLC0415  # lazy: gtsam
-
     problem, opening = prepared.problem, _open(prepared)
     if opening is not None:
         end = _about_headings(problem, opening, custom)
@@ -152,12 +145,10 @@ def _open(prepared: PreparedFlight) -> Opening | None:
     )
 
 
-def _about_headings(problem: Problem, opening: Opening, custom: "tuple[NamedFactor, ...]") -> _End:
+def _about_headings(problem: Problem, opening: Opening, custom: tuple[NamedFactor, ...]) -> _End:
     """Return a flight over all headings, or from the likeliest if it is observable after all."""
-    from fgnav.solve.batch import minimum  # noqa: PLC0415  # lazy: gtsam
-    from fgnav.solve.headings import over_headings  # noqa: PLC0415
 
-    def searched(conditioned: Problem) -> "Minimum":
+    def searched(conditioned: Problem) -> Minimum:
         return minimum(conditioned, custom, most=_ROUGHLY)
 
     headings = over_headings(problem, opening, searched)

@@ -1,13 +1,12 @@
 """A keyframe of a stream as a smoothing problem of two rows: the first is there for its time."""
 
-from typing import NamedTuple
+from itertools import chain
 
 import numpy as np
 
 from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
-    of_vehicle,
     with_landmark,
 )
 from fgnav.assembly.position.series import VectorSeries
@@ -29,27 +28,25 @@ from fgnav.methods.streaming.measurements import Direction, Measured, Measuremen
 _BEFORE_S = 0.1  # of the first keyframe: an interval that nothing uses
 
 
-class Before(NamedTuple):
-    """The keyframe before: its time, and where the accelerometer was, (3,)."""
+def keyframe_problem(
+    now: Measurements, config: StreamConfig, before_s: float, p_n_m: FloatArray | None
+) -> Problem:
+    """Return a keyframe as the second of two rows.
 
-    t_s: float
-    p_n_m: FloatArray
-
-
-def keyframe_problem(now: Measurements, config: StreamConfig, before: Before | None) -> Problem:
-    """Return a keyframe as the second of two rows; ``before`` is None of the first.
+    The first stands for the keyframe before: its time, and where the accelerometer was, (3,); None
+    before any.
 
     Raises
     ------
     BadInputError
         If the first has nothing to start from, or a body without a gyroscope no rate prior.
     """
-    if before is None:
-        R_nb, p_n_m, has_attitude = *_first(now, config), True
+    if p_n_m is None:
+        R_nb, p_n_m, has_attitude, before_s = *_first(now, config), True, now.t_s - _BEFORE_S
     else:
-        attitude, p_n_m = _attitude(now), before.p_n_m
+        attitude = _attitude(now)
         R_nb, has_attitude = np.eye(3) if attitude is None else attitude, attitude is not None
-    t_s = np.array([now.t_s - _BEFORE_S if before is None else before.t_s, now.t_s])
+    t_s = np.array([before_s, now.t_s])
     n, has_gyroscope = len(t_s), now.imu.w_b_radps is not None
     gravity_n_mps2 = np.tile(config.origin.gravity_n_mps2(p_n_m[None]), (n, 1))
     sensors, of_instruments = _sensors(now, config, t_s, p_n_m)
@@ -79,7 +76,7 @@ def _sensors(
     sensors: list[Sensor] = []
     if now.array is not None:
         every, none = now.array[np.zeros(n, dtype=np.int64)], np.full(n, -1, dtype=np.int64)
-        sensors += array_sensors(every, None, (), np.arange(n) == n - 1, none, (None, False))
+        sensors += array_sensors(every, None, np.arange(n) == n - 1, none, (None, False))
     if now.imu.w_b_radps is not None:
         newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
         rates = np.tile(newest, (n, 1))
@@ -112,9 +109,8 @@ def _sensors(
 def _constants(
     config: StreamConfig, of_instruments: tuple[Parameter, ...], *, gyroscope: bool
 ) -> Parameters:
-    parts = tuple(of_vehicle(word) for word in calibration_requests(config.calibrate))
-    if config.landmark_n_m is not None:
-        parts = with_landmark(parts, config.landmark_n_m)
+    requested = [one.parameters() for one in calibration_requests(config.calibrate)]
+    parts = with_landmark(tuple(chain.from_iterable(requested)), config.landmark_n_m)
     parts = (*parts, *of_instruments)
     return Parameters(parts if gyroscope else (*parts, mean_rate()))
 

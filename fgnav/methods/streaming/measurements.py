@@ -2,20 +2,17 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import gtsam
 
 from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
+from fgnav.graph.custom import NamedFactor
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.types.flight import Imu
 from fgnav.types.surroundings import Barometer, Magnetometer
-
-if TYPE_CHECKING:
-    import gtsam
-
-    from fgnav.graph.custom import NamedFactor
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -136,4 +133,4 @@ class Measurements:
     sight: Direction | None = None
     height_m: float | None = None
     field_b_ut: FloatArray | None = None
-    factors: "tuple[gtsam.NonlinearFactor | NamedFactor, ...]" = ()
+    factors: tuple[gtsam.NonlinearFactor | NamedFactor, ...] = ()

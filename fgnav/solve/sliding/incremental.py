@@ -158,8 +158,8 @@ class IncrementalSmoother:
         v, x = b + n * aux, b + n * (aux + 3)
         steps = np.empty((n, AUX + aux))
         steps[:, :6], steps[:, 6:AUX] = delta[x:].reshape(n, 6), delta[v:x].reshape(n, 3)
-        own = delta[:first] if first else delta[b:v]
-        steps[:, AUX:] = own.reshape(n, aux)
+        vectors = delta[:first] if first else delta[b:v]
+        steps[:, AUX:] = vectors.reshape(n, aux)
         return steps, delta[first : first + b]
 
     def is_fixed(self, k: int) -> bool:

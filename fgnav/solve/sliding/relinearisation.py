@@ -7,7 +7,7 @@ anew.
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
-from fgnav.graph.types.states import AUX, RATE, ROTATION
+from fgnav.graph.types.states import AUX, GYROSCOPE_AUX, RATE, ROTATION
 
 # A keyframe is relinearised when its estimate has moved further than this from where it was:
 # rotations err by half the square, 0.003 degree.
@@ -20,7 +20,6 @@ MOVED_RADPS = 0.05  # of the rate, without a gyroscope: turns by that in 0.1 s
 _MOVES = np.r_[ROTATION, RATE]
 _MOVED = np.repeat([MOVED_RAD, MOVED_RADPS], 3)
 _ERRS_AT_MOST = 0.25  # of sigma, by half the square of a move: 3 % more RMS error
-_GYROSCOPE_AUX = 6
 UNKNOWN_RAD = 0.5  # of an attitude: it is wherever it is linearised
 # Of the attitude where a window would begin. What is marginalised there stays linearised where
 # little was known: in an outage of 15 s it had turned by 86 degrees, and a heading that motion had
@@ -47,11 +46,6 @@ def may_leave(sigma_rad: float, span_s: float) -> bool:
         Of what is in the window yet.
     """
     return sigma_rad < _DETERMINED_RAD or span_s >= WAITS_S
-
-
-def has_gyroscope(steps: FloatArray) -> bool:
-    """Return True if steps, (n, D), are those of a flight with a gyroscope."""
-    return bool(steps.shape[1] == AUX + _GYROSCOPE_AUX)
 
 
 def repeats_at(steps: FloatArray, is_slow: bool) -> float | None:
@@ -96,7 +90,7 @@ def moved_far(steps: FloatArray, times: float = 1.0) -> BoolArray:
 
     ``times`` as far as else counts as far.
     """
-    if has_gyroscope(steps):
+    if steps.shape[1] == AUX + GYROSCOPE_AUX:
         far = np.abs(steps[:, ROTATION]) > times * _MOVED_WITH_GYROSCOPE_RAD
         return np.full(len(steps), far.any())
     far = np.abs(steps[:, _MOVES]) > times * _MOVED

@@ -11,26 +11,27 @@ import gtsam
 import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, NoSolutionError
-from fgnav.graph import keys
+from fgnav.geometry.rotation_kernel import right_jacobian
+from fgnav.geometry.rotations import exp, transpose
 from fgnav.graph.build import Layout
+from fgnav.graph.custom import touched_keyframes
 from fgnav.graph.types.problem import Problem
-from fgnav.graph.types.states import ROTATION, States
+from fgnav.graph.types.solution import Solution
+from fgnav.graph.types.states import POSITION, ROTATION, States
+from fgnav.solve.elimination import Marginals
 from fgnav.solve.failures import in_words
-from fgnav.solve.marginals import Marginals
-from fgnav.solve.sliding.departed import Departed, departed
-from fgnav.solve.sliding.entering import Entering
 from fgnav.solve.sliding.incremental import IncrementalSmoother
-from fgnav.solve.sliding.linear_window import LinearWindow
+from fgnav.solve.sliding.keyframes import Keyframes
 from fgnav.solve.sliding.relinearisation import (
     BLOCK_S,
     REPEATS,
     SLOW_S,
+    is_rough,
     may_leave,
     moved_far,
     relaxed,
     repeats_at,
 )
-from fgnav.solve.sliding.retract_kernel import retracted
 
 _ROUNDING_S = 1e-6
 
@@ -60,10 +61,9 @@ class FixedLag:
     ) -> None:
         self._lag_s, self._block_s, self._keep = lag_s, block_s, keep_linearisation
         self._smoother: IncrementalSmoother | None = None
-        self._linear = LinearWindow()
+        self._keyframes = Keyframes()
         self._steps: FloatArray = np.empty((0, 0))
         self._constant_steps: FloatArray = np.empty(0)
-        self._entering = Entering()
         self._turn_sigma_rad: dict[int, float] = {}  # of keyframes when last asked for
         self._departed = 0  # keyframes that have left, not all of them marginalised
         self._blocks: list[int] = []  # last keyframes of those that have not left, or just did
@@ -75,11 +75,6 @@ class FixedLag:
     def __len__(self) -> int:
         """Return the number of keyframes in the window."""
         return len(self._t_s) - self._departed
-
-    @property
-    def updates(self) -> int:
-        """Updates of GTSAM's smoother so far."""
-        return self._updates
 
     @property
     def isam2(self) -> gtsam.ISAM2:
@@ -126,17 +121,17 @@ class FixedLag:
 
     def update(
         self, problem: Problem, row: int, custom: Sequence[gtsam.NonlinearFactor] = ()
-    ) -> Departed | None:
+    ) -> Solution | None:
         """Take a keyframe in; return those that leave by that, if any; see ``advance``."""
         leaving = self.advance(problem, row, custom)
         return self._estimates(leaving) if leaving else None
 
-    def latest(self) -> Departed:
+    def latest(self) -> Solution:
         """Return the newest keyframe, known from the data up to it and no further."""
         self._solve()
         return self._estimates(range(len(self._t_s) - 1, len(self._t_s)))
 
-    def flush(self) -> Departed:
+    def flush(self) -> Solution:
         """Return all keyframes that have not left, known from all data so far.
 
         Raises
@@ -152,40 +147,31 @@ class FixedLag:
 
     def _enter(self, problem: Problem, row: int) -> None:
         """Put a keyframe where the motion leads, and what it measured into the next update."""
-        self._entering.read(problem)
-        k, before = len(self._t_s), None
+        k, at, before = len(self._t_s), problem.start.at(slice(row, row + 1)), None
         if k == 0:
-            self._smoother = IncrementalSmoother(self._layout)
-            self._newest = problem.start.at(slice(row, row + 1))
+            self._smoother = IncrementalSmoother(Layout.of(problem))
+        elif self._keep:
+            before = problem.start.at(slice(row - 1, row))
         else:
-            before = problem.start.at(slice(row - 1, row)) if self._keep else self._newest
-            self._newest = self._start(problem, row)
-        self._entering.keyframe(problem, row, (self._newest, before), self._alive, k)
-        self._linear.append(problem, row, self._newest, self._entering.block)
+            before = self._newest
+            at = problem.begun(row, problem.motion.predict(before, np.array([row - 1])))
+        arcs = self._keyframes.append(problem, row, at, before)
+        if arcs is not None:
+            self._alive.enter_arcs(*arcs, k)
+        self._newest = at
         if problem.attitude_known[row]:
             self._is_slow = self._t_s[-1] - self._attitude_s > SLOW_S
             self._attitude_s = self._t_s[-1]
 
     def _enter_custom(self, factor: gtsam.NonlinearFactor) -> None:
-        constants = self._layout.constant_keys
-        touched = {keys.index(key) for key in factor.keys() if key not in constants}  # noqa: SIM118
-        numbers = sorted(touched) or [len(self._t_s) - 1]
-        self._linear.add_custom(numbers, factor)
+        numbers = touched_keyframes(factor) or [len(self._t_s) - 1]
+        self._keyframes.add(factor, numbers)
         if len(numbers) > 1:
             self._alive.is_chain = False
-            self._entering.custom(factor, None)
-        else:
-            self._entering.custom(factor, numbers[0] - self._linear.oldest)
-
-    def _start(self, problem: Problem, row: int) -> States:
-        if self._keep:
-            return problem.start.at(slice(row, row + 1))
-        ahead = problem.motion.predict(self._newest, np.array([row - 1]))
-        return problem.begun(row, ahead)
 
     def _solve(self) -> None:
         """Update GTSAM's smoother with what has come; what has left is marginalised by that."""
-        if self._entering.graph.empty():
+        if self._keyframes.graph.empty():
             return
         self._marginalise()
         self._update(self._far())
@@ -196,59 +182,49 @@ class FixedLag:
             self._relinearise(times)
         self._newest = self._estimated(range(n - 1, n))
 
-    def _marginalise(self) -> bool:
-        """Take out keyframes that have left, a block of them at once; return whether there are."""
-        smoother, linear = self._alive, self._linear
-        oldest = min(self._departed, smoother.end - 1)
-        if oldest <= linear.oldest or (
-            self._t_s[oldest] - self._t_s[linear.oldest] < BLOCK_S - _ROUNDING_S
-        ):
-            return False
-        self._linear.solve()
+    def _marginalise(self) -> None:
+        """Take out keyframes that have left, a block of them at once, where they may."""
+        smoother, keyframes = self._alive, self._keyframes
+        first, oldest = keyframes.oldest, min(self._departed, smoother.end - 1)
+        if oldest <= first or self._t_s[oldest] - self._t_s[first] < BLOCK_S - _ROUNDING_S:
+            return
         if not self._may_leave(oldest):
-            return False
+            return
         with self._failing():
             smoother.marginalise(oldest)
         self._turn_sigma_rad = {k: s for k, s in self._turn_sigma_rad.items() if k >= oldest - 1}
-        self._steps = self._steps[oldest - linear.oldest :]
-        self._entering.forget(oldest - linear.oldest, linear.oldest)
-        linear.forget(oldest - linear.oldest)
-        return True
+        self._steps = self._steps[oldest - first :]
+        keyframes.forget(oldest - first)
 
     def _may_leave(self, oldest: int) -> bool:
         """Return True if the attitude is known where the window would begin."""
         if self._keep:
             return True
+        first = self._keyframes.oldest
         sigma_rad = self._turn_sigma_rad.get(oldest - 1)  # as that keyframe left: next to it
         if sigma_rad is None:
-            i = oldest - self._linear.oldest
-            sigma_rad = _turn_sigma_rad(self._linear.marginals(i, i + 1))
-        span_s = self._t_s[-1] - self._t_s[self._linear.oldest]
-        return may_leave(sigma_rad, span_s)
+            i = oldest - first
+            sigma_rad = _turn_sigma_rad(self._keyframes.marginals(i, i + 1))
+        return may_leave(sigma_rad, self._t_s[-1] - self._t_s[first])
 
     def _update(self, far: BoolArray, share: float = 1.0) -> None:
         """Solve with what has come, some keyframes linearised where they are estimated.
 
         Or a share of the way there, if all are.
         """
-        smoother, linear, rows = self._alive, self._linear, np.flatnonzero(far)
-        entering = self._entering
+        smoother, keyframes, rows = self._alive, self._keyframes, np.flatnonzero(far)
         if len(rows):
             share = share if self._is_free else 1.0  # GTSAM itself goes the whole way
-            steps, none = share * self._steps[rows], np.zeros(len(linear.states.constants))
-            at = linear.states.at(rows)
-            linear.relinearise(rows, retracted(at, steps, none, by_pose3=True))
-            is_led = rows[0] == 0 and (linear.oldest > 0 or share < 1.0)
+            keyframes.relinearise(rows, share * self._steps[rows])
+            is_led = rows[0] == 0 and (keyframes.oldest > 0 or share < 1.0)
             if is_led and self._is_free:
-                linear.solve()
-                self._smoother = smoother = self._entering.restarted(linear)
+                self._smoother = smoother = keyframes.restarted()
                 rows = rows[:0]
         with self._failing():
-            smoother.update(
-                entering.graph, entering.values, len(self._t_s), (linear.oldest + rows).tolist()
-            )
+            relinearised = (keyframes.oldest + rows).tolist()
+            smoother.update(keyframes.graph, keyframes.values, len(self._t_s), relinearised)
             self._steps, self._constant_steps = smoother.steps()
-        entering.taken()
+        keyframes.next_update()
         self._updates += 1
 
     @contextmanager
@@ -258,7 +234,7 @@ class FixedLag:
             yield
         except RuntimeError as error:
             self._smoother = None
-            layout = self._layout
+            layout = self._keyframes.layout
             raise in_words(error, layout.width, layout.constants, self._t_s.__getitem__) from error
         except Exception:  # of a custom factor: as it is
             self._smoother = None
@@ -267,11 +243,7 @@ class FixedLag:
     @property
     def _t_s(self) -> list[float]:
         """Times of all keyframes so far."""
-        return self._linear.t_s
-
-    @property
-    def _layout(self) -> Layout:
-        return self._entering.layout
+        return self._keyframes.t_s
 
     @property
     def _alive(self) -> IncrementalSmoother:
@@ -304,27 +276,54 @@ class FixedLag:
     @property
     def _is_free(self) -> bool:
         """Return True if the oldest keyframe, too, may be linearised anew."""
-        return self._layout.gyroscope and self._alive.is_chain
+        return self._keyframes.layout.gyroscope and self._alive.is_chain
 
     def _estimated(self, numbers: range) -> States:
         """Return the present estimates of keyframes and constants."""
-        first, last = numbers[0] - self._linear.oldest, numbers[-1] - self._linear.oldest
-        rows = slice(first, last + 1)
-        return retracted(self._linear.states.at(rows), self._steps[rows], self._constant_steps)
+        oldest = self._keyframes.oldest
+        steps = self._steps[numbers.start - oldest : numbers.stop - oldest]
+        return self._keyframes.states(numbers).moved(steps, self._constant_steps)
 
-    def _estimates(self, numbers: range) -> Departed:
-        first, end = numbers.start - self._alive.oldest, numbers.stop - self._alive.oldest
-        self._linear.solve()
-        marginals = self._linear.marginals(first, end)
+    def _estimates(self, numbers: range) -> Solution:
+        """Return present estimates of keyframes with their covariances."""
+        oldest = self._alive.oldest
+        steps = self._steps[numbers.start - oldest : numbers.stop - oldest]
+        marginals = self._keyframes.marginals(numbers.start - oldest, numbers.stop - oldest)
         self._turn_sigma_rad[numbers[-1]] = _turn_sigma_rad(marginals)
-        return departed(
-            np.array(self._t_s[numbers.start : numbers.stop]),
-            self._estimated(numbers),
-            self._steps[first:end],
-            marginals,
-            keep_linearisation=self._keep,
+        if self._keep:
+            marginals = _at_estimates(marginals, steps)
+        rough = is_rough(steps, marginals.covariance) & (not self._keep)
+        states, n = self._estimated(numbers), len(numbers)
+        return Solution(
+            states=states,
+            covariance=marginals.covariance,
+            cross=marginals.cross,
+            constant_covariance=np.tile(marginals.constant, (n, 1, 1)),
+            constant_cross=marginals.constant_cross,
+            converged=not rough.any(),
+            refused=rough,
+            constants=np.tile(states.constants, (n, 1)),
+            solver="gtsam.IncrementalFixedLagSmoother",
             updates=self._updates,
         )
+
+
+def _at_estimates(marginals: Marginals, steps: FloatArray) -> Marginals:
+    """Return covariances along the tangents of the estimates, not of where these are linearised.
+
+    ``Exp(s + e) = Exp(s) Exp(J_r(s) e)``: a step of a radian turns the axes by as much. That of the
+    keyframe after the last is not there: its axes are the last one's.
+    """
+    T = np.tile(np.eye(steps.shape[1]), (len(steps), 1, 1))
+    T[:, ROTATION, ROTATION] = [right_jacobian(turn) for turn in steps[:, ROTATION]]
+    T[:, POSITION, POSITION] = transpose(exp(steps[:, ROTATION]))
+    after = transpose(np.concatenate([T[1:], T[-1:]]))
+    return Marginals(
+        T @ marginals.covariance @ transpose(T),
+        T @ marginals.cross @ after,
+        marginals.constant,
+        T @ marginals.constant_cross,
+    )
 
 
 def _turn_sigma_rad(marginals: Marginals) -> float:

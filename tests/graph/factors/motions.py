@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import from_euler, log, transpose
-from fgnav.graph import keys
+from fgnav.graph.factors.check import jacobian_misfit, values_of
 from fgnav.graph.types.motion import Motion
+from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.states import DERIVATIVE_SCALE_S, States
 from fgnav.types.flight import Imu
 from tests.imu import imu_of
@@ -120,37 +120,6 @@ def moved_at_random(states: States, rng: np.random.Generator, sigma: float) -> S
     return states.moved(steps, sigma * rng.standard_normal(b))
 
 
-def steps_of_all(width: int, column: int, step: float, n: int) -> FloatArray:
-    """One column of each of n tangents, (n, width)."""
-    out = np.zeros((n, width))
-    out[:, column] = step
-    return out
-
-
-def by_differences(motion: Motion, before: States, after: States) -> list[FloatArray]:
-    """Derivatives of a motion's residuals by both states and the constants, numerically."""
-    n, D, b = len(before.p_n_m), before.width, len(before.constants)
-    every, none = np.arange(n), np.zeros(b)
-
-    def slopes(width: int, value: Callable[[int, float], FloatArray]) -> FloatArray:
-        h = 1e-5
-        columns = [(value(i, h) - value(i, -h)) / (2 * h) for i in range(width)]
-        return np.stack(columns, axis=2) if width else np.zeros((n, D, 0))
-
-    def value(first: States, second: States) -> FloatArray:
-        return motion.linearise(first, second, every).value
-
-    def step(i: int, h: float) -> FloatArray:
-        return steps_of_all(D, i, h, n)
-
-    still = np.zeros((n, D))
-    return [
-        slopes(D, lambda i, h: value(before.moved(step(i, h), none), after)),
-        slopes(D, lambda i, h: value(before, after.moved(step(i, h), none))),
-        slopes(b, lambda i, h: value(before.moved(still, h * np.eye(b)[i]), after)),
-    ]
-
-
 def ends(states: States) -> tuple[States, States]:
     """States at the beginning and at the end of every interval."""
     return states.at(slice(0, -1)), states.at(slice(1, None))
@@ -161,28 +130,19 @@ def every(motion: Motion) -> np.ndarray:
     return np.arange(len(motion.t_s) - 1)
 
 
-def assert_derivatives(motion: Motion, states: States) -> None:
-    """Hold the Jacobians of all intervals against central differences, row by row."""
-    before, after = ends(states)
-    linear = motion.linearise(before, after, every(motion))
-    size = np.abs(linear.before).max(axis=2, keepdims=True)
-    for exact, numeric in zip(linear[1:], by_differences(motion, before, after), strict=True):
-        np.testing.assert_allclose(exact / size, numeric / size, rtol=0, atol=1e-6)
-
-
-def linear_system(motion: Motion, states: States, constants: FloatArray | None = None):
-    """GTSAM's ``A, b`` of interval 3, its factor's error, and the kernel's of the same states."""
-    linear = motion.linearise(*ends(states), every(motion))
-    values = gtsam.Values()
-    for row, key in ((3, 7), (4, 2)):
-        values.insert(keys.pose(key), gtsam.Pose3(gtsam.Rot3(states.R_nb[row]), states.p_n_m[row]))
-        values.insert(keys.velocity(key), states.v_n_mps[row])
-        if constants is None:
-            bias = gtsam.imuBias.ConstantBias(states.aux[row, :3], states.aux[row, 3:])
-            values.insert(keys.imu_bias(key), bias)
-        else:
-            values.insert(keys.angular_motion(key), states.aux[row])
-    if constants is not None:
-        values.insert(keys.constant(1), constants)
-    (factor,) = motion.factors(3, 7, 2, states.at(slice(3, 4)))
-    return *factor.linearize(values).jacobian(), factor.error(values), linear
+def assert_derivatives(motion: Motion, states: States, constants: Parameters) -> None:
+    """Hold factors against differences, and the arrays of all intervals against the factors."""
+    linear, values = motion.linearise(*ends(states), every(motion)), values_of(states, constants)
+    mean = constants.columns("mean rate")
+    for k in every(motion).tolist():
+        (factor,) = motion.factors(k, k, k + 1, states.at(slice(k, k + 1)))
+        assert jacobian_misfit(factor, values) < 1e-6
+        A, b = factor.linearize(values).jacobian()
+        before, after = linear.before[k], linear.after[k]
+        expected = np.hstack([before, after, linear.shared[k, :, mean]])
+        if not mean.stop:  # GTSAM's own has both biases last
+            parts = before[:, :9], after[:, :9], before[:, 9:], after[:, 9:]
+            expected = np.hstack(parts)
+        np.testing.assert_allclose(A, expected, rtol=0, atol=1e-9 * np.abs(A).max())
+        np.testing.assert_allclose(b, -linear.value[k], rtol=0, atol=1e-9 * np.abs(b).max())
+        assert not np.delete(linear.shared[k], np.r_[mean], axis=1).any()

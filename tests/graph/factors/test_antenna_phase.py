@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 
 from fgnav.graph import keys
 from fgnav.graph.factors.antenna_phase import AntennaPhase, ArcBlock, PhaseRows
+from fgnav.graph.factors.check import jacobian_misfit
 from fgnav.graph.factors.position import LEVER_ARM
 from fgnav.graph.types.parameters import Parameters
 from tests.graph.factors import cases, sensors
@@ -54,21 +55,7 @@ def test_jacobians_equal_differences(lever):
     at = cases.random_states(1, rng, shared)
     factor = phases(rng, shared, lever=lever).factor(0, 0)
     values = values_of(at, [rng.normal(size=5)])
-    J, minus_r = factor.linearize(values).jacobian()
-    sizes = {keys.pose(0): 6, keys.arcs(0): 5, keys.constant(0): 3}
-    involved, column = list(factor.keys()), 0
-    for key in involved:
-        for i in range(sizes[key]):
-            ends = []
-            for sign in (1.0, -1.0):
-                step = gtsam.VectorValues()
-                for other in involved:
-                    along = np.eye(sizes[other])[i] if other == key else np.zeros(sizes[other])
-                    step.insert(other, sign * cases.STEP * along)
-                ends.append(factor.unwhitenedError(values.retract(step)))
-            assert_allclose(J[:, column], (ends[0] - ends[1]) / (2 * cases.STEP), atol=1e-6)
-            column += 1
-    assert_allclose(-minus_r, factor.unwhitenedError(values), atol=1e-12)
+    assert jacobian_misfit(factor, values) < 1e-8
 
 
 def test_the_residual_is_the_equation():

@@ -1,5 +1,6 @@
 """Arcs of one antenna's phase: errors of satellites are stated."""
 
+from dataclasses import replace
 from itertools import chain
 
 import gtsam
@@ -11,7 +12,6 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.process.hyperparameters import RatePrior
 from fgnav.solve.linear import linearise
-from fgnav_sim.gnss.tables import OutageTable
 from tests.gnss.based import flown
 from tests.solve.flights import flight_graph
 
@@ -32,14 +32,11 @@ def test_errors_that_move_are_stated():
 
 
 def test_linear_factors_are_those_of_gtsams_graph():
-    """Of a problem with phases, its arcs broken by an outage."""
-    outage = OutageTable(from_s=1.0, until_s=1.5)
-    problem = Batch(**SET_UP).prepare(flown(base=None, span_s=4.0, outages=(outage,))).problem
-    states, n = problem.start, len(problem.t_s)
-    linear = linearise(problem, np.arange(n), states, states.at(slice(0, n - 1)))
+    """Of all sensors and epochs at once, and one by one."""
+    problem = Batch(**SET_UP).prepare(flown(base=None, span_s=4.0)).problem
+    problem, states = replace(problem, phase=None), problem.start
     ours = gtsam.GaussianFactorGraph()
-    leading = [problem.phase.transition(j) for j in range(len(problem.phase.blocks))]
-    for factor in (*chain.from_iterable(linear.factors_by_keyframe()), *leading):
+    for factor in chain.from_iterable(linearise(problem, states).factors):
         ours.push_back(factor)
     theirs = flight_graph(problem, states).linearize(flight_values(problem, states))
     (H, g), (expected, slope) = ours.hessian(), theirs.hessian()

@@ -181,8 +181,7 @@ def test_gradients_of_the_linearised_flight_are_those_of_a_dense_factorisation(s
     custom, (term,) = _asked(factor, trained, timeline, problem)
     custom = [one.factor for one in custom]
     graph, ordering = gtsam.GaussianFactorGraph(), gtsam.Ordering()
-    linear = linearise(problem, np.arange(n), states, states.at(slice(0, n - 1)))
-    for of in linear.factors_by_keyframe():
+    for of in linearise(problem, states).factors:
         for one in of:
             graph.push_back(one)
     for k in range(n):

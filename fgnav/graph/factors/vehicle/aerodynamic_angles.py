@@ -13,13 +13,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, Use
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "aerodynamic angles"
@@ -34,6 +33,7 @@ class AerodynamicAngles(SensorRows):
     name: ClassVar[str] = NAME
     shapes: ClassVar[Shapes] = {"sigma_rad": ("k", 2)}
     rows: ClassVar[int] = 2
+    variables: ClassVar[tuple[Use, ...]] = ("pose", "velocity")
     parameters: ClassVar[tuple[str, ...]] = (WIND, MEAN)
     sigma_rad: FloatArray  # (k, 2)
 
@@ -58,7 +58,3 @@ class AerodynamicAngles(SensorRows):
         shared[:, :, wind] = -state[:, :, VELOCITY][:, :, :2]
         shared[:, :, mean] = -weight[:, :, None] * np.eye(2)
         return Linearised(weight * angles, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return angles i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose", "velocity"))

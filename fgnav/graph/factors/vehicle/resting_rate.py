@@ -12,13 +12,12 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.geometry.rotations import skew, transpose
-from fgnav.graph.kernel_factor import sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, Use
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import RATE, ROTATION, States
 
 NAME = "resting rate"
@@ -35,6 +34,7 @@ class RestingRate(SensorRows):
         "earth_rate_n_radps": (3,),
     }
     rows: ClassVar[int] = 3
+    variables: ClassVar[tuple[Use, ...]] = ("pose", "imu_bias")
     measured_b_radps: FloatArray  # (k, 3)
     sigma_radps: FloatArray  # (k, 3)
     earth_rate_n_radps: FloatArray  # (3,)
@@ -48,7 +48,3 @@ class RestingRate(SensorRows):
         state[:, :, RATE] = -weight[:, :, None] * np.eye(3)
         value = weight * (self.measured_b_radps[indices] - at.aux[:, 3:6] - earth_b)
         return Linearised(value, state, shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return rate i as a factor of keyframe ``key``."""
-        return sensor_factor(self, i, key, ("pose", "imu_bias"))

@@ -16,7 +16,8 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph import keys
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import VELOCITY, States
 
 NAME = "standstill"

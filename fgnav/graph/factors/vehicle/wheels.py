@@ -14,14 +14,13 @@ References
 from dataclasses import dataclass
 from typing import ClassVar
 
-import gtsam
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray, positive
 from fgnav.geometry.rotation_kernel import right_jacobian
 from fgnav.geometry.rotations import exp, skew, transpose
-from fgnav.graph.kernel_factor import Use, sensor_factor
-from fgnav.graph.types.sensor import Linearised, SensorRows, Shapes
+from fgnav.graph.sensor_rows import SensorRows, Shapes, Use, rate_variables
+from fgnav.graph.types.sensor import Linearised
 from fgnav.graph.types.states import ROTATION, VELOCITY, States
 
 NAME = "wheels"
@@ -54,6 +53,11 @@ class RollingWheels(SensorRows):
         SensorRows.__post_init__(self)
         positive("wheels slip_mps", self.slip_mps)
 
+    @property
+    def variables(self) -> tuple[Use, ...]:
+        """Variables of a keyframe in the model."""
+        return rate_variables(self.measured_b_radps)
+
     def linearise(self, at: States, indices: IntArray) -> Linearised:
         """Return whitened residuals of measurements ``indices``, (j,); see ``Sensor``."""
         axes, axle = map(self.constants.columns, self.parameters)
@@ -73,12 +77,7 @@ class RollingWheels(SensorRows):
         state[:, :, ROTATION] = (back @ (skew(v_b) + earth))[:, 1:]
         state[:, :, VELOCITY] = (back @ R_bn)[:, 1:]
         state[:, :, _RATE] = (back @ by_rate)[1:]
-        by_turn = back @ skew(axle_b) @ right_jacobian(-turn)
-        shared[:, :, axes] = by_turn[:, 1:, 1:]
+        by_rotation = back @ skew(axle_b) @ right_jacobian(-turn)
+        shared[:, :, axes] = by_rotation[:, 1:, 1:]
         shared[:, :, axle] = (back @ skew(rate))[:, 1:]
         return Linearised(weight * (axle_b @ back.T)[:, 1:], weight * state, weight * shared)
-
-    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
-        """Return measurement i as a factor of keyframe ``key``."""
-        aux: Use = "imu_bias" if self.measured_b_radps is not None else "angular_motion"
-        return sensor_factor(self, i, key, ("pose", "velocity", aux))
