@@ -55,7 +55,7 @@ def energy_score(posterior: Posterior, truth: Truth, of: Scored) -> Tensor:
 
 
 def errors(posterior: Posterior, truth: Truth, of: Sequence[Scored]) -> tuple[Tensor, Tensor]:
-    """Return truth less mean, (t, d), and the covariances of that, (t, d, d); as of ``nll``."""
+    """Return truth less mean, (t, d), and its covariances, (t, d, d); arguments as of ``nll``."""
     rows = np.flatnonzero(covered(truth, posterior.t_s))
     real = truth_at(truth, posterior.t_s[rows])
     R_nb, p_n_m, v_n_mps = (torch.tensor(x) for x in (real.R_nb, real.p_n_m, real.v_n_mps))

@@ -1,4 +1,4 @@
-"""How good a velocity network is on flights it never saw: its answers, and states in outages."""
+"""Figures of a velocity network on held-out flights: its answers, and states in outages."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -46,9 +46,9 @@ def answer_figures(source: NeuralFactor, flights: Sequence[Flight]) -> dict[str,
         of_kind = [flight for flight in flights if kind in ("all", flight.name)]
         if len(of_kind) < 2:
             continue
-        found = calibration([source] * len(of_kind), of_kind)
-        figures[f"{kind}: RMSE m/s"] = found.rmse
-        for name, scores in (("network", found.network), ("best constant", found.constant)):
+        answers = calibration([source] * len(of_kind), of_kind)
+        figures[f"{kind}: RMSE m/s"] = answers.rmse
+        for name, scores in (("network", answers.network), ("best constant", answers.constant)):
             figures[f"{kind}: NEES of 1, {name}"] = scores.nees
             figures[f"{kind}: NLL, {name}"] = scores.nll
             figures[f"{kind}: energy score m/s, {name}"] = scores.energy
@@ -62,12 +62,12 @@ def outage_scores(
 
     NaN where there is no solution.
     """
-    found: dict[tuple[str, Scored], list[Scores]] = {}
+    collected: dict[tuple[str, Scored], list[Scores]] = {}
     for method, factors in methods.items():
         for flight in flights:
             for state, scores in _scores(flight, factors).items():
-                found.setdefault((method, state), []).append(scores)
-    return {key: np.array(scores) for key, scores in found.items()}
+                collected.setdefault((method, state), []).append(scores)
+    return {key: np.array(scores) for key, scores in collected.items()}
 
 
 def _scores(flight: OutageFlight, factors: Factors) -> dict[Scored, Scores]:
@@ -76,19 +76,19 @@ def _scores(flight: OutageFlight, factors: Factors) -> dict[Scored, Scores]:
             posterior = flight.posterior(factors)
     except NoSolutionError:
         return dict.fromkeys(_UNITS, Scores(*np.full(4, np.nan).tolist()))
-    found = {}
+    by_state: dict[Scored, Scores] = {}
     for state, (_, scale) in _UNITS.items():
         error, covariance = (x.numpy() for x in errors(posterior, flight.outage, (state,)))
         squares = np.einsum(
             "ni,ni->n", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
         )
-        found[state] = Scores(
+        by_state[state] = Scores(
             rmse=scale * float(np.sqrt((error**2).sum(axis=1).mean())),
             nees=float(squares.mean()) / 3,
             nll=negative_log_likelihood(error, covariance),
             energy=scale * energy_score(error, covariance),
         )
-    return found
+    return by_state
 
 
 def outage_table(scores: Mapping[tuple[str, Scored], FloatArray]) -> str:
@@ -106,10 +106,10 @@ def outage_table(scores: Mapping[tuple[str, Scored], FloatArray]) -> str:
     last = list(scores)[-1][0]
     for (method, state), rows in scores.items():
         cells = [method, state, _UNITS[state][0], str(int(np.isfinite(rows[:, 0]).sum()))]
-        for own, best, name in zip(rows.T, scores[last, state].T, Scores._fields, strict=True):
+        for column, best, name in zip(rows.T, scores[last, state].T, Scores._fields, strict=True):
             rng = np.random.default_rng(_SEED)
-            cells.append(f"{pooled(own, rng, squared=name == 'rmse').value:.4g}")
-            gain = paired(best, own, rng).difference
+            cells.append(f"{pooled(column, rng, squared=name == 'rmse').value:.4g}")
+            gain = paired(best, column, rng).difference
             bounds = (gain.value, gain.low, gain.high)
             cells += [f"{x:.4g}" if method != last else "" for x in bounds]
         writer.writerow(cells)

@@ -33,17 +33,17 @@ _UNINFORMATIVE = 1e3
 
 
 class Outages(Table, frozen=True):
-    """How the correlation of a network's errors is tuned through the smoother, and judged."""
+    """Tuning of the correlation of a network's errors through the smoother, and its test."""
 
     # flights, held_out: to tune by, and to judge on
     flights: Count = 36
     held_out: Count = 180
     gnss_s: Positive = 14.0  # with fixes, four times a second
     outage_s: Range = (5.0, 20.0)  # without any, until the end of the record
-    # half_life_s, lasting: what is tried; answers come every two half-lives, and a share of their
-    # errors' variance lasts as long as a flight
+    # half_life_s, constant_share: tried values; answers come every two half-lives, and a share of
+    # their errors' variance is constant over a flight
     half_life_s: tuple[Positive, ...] = (0.5, 1.0, 2.0, 4.0)
-    lasting: tuple[NotNegative, ...] = (0.0, 0.3, 0.6)
+    constant_share: tuple[NotNegative, ...] = (0.0, 0.3, 0.6)
 
 
 def outage_flights(
@@ -54,7 +54,7 @@ def outage_flights(
     The inertial unit's noise is that of its data sheet and of the vehicle's shaking, as a data
     sheet of the mounted unit would have it.
     """
-    return [_flight(world, outages, own) for own in rng.spawn(count)]
+    return [_flight(world, outages, flight_rng) for flight_rng in rng.spawn(count)]
 
 
 def _flight(world: VehiclesWorld, outages: Outages, rng: np.random.Generator) -> Flight:

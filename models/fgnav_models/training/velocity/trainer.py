@@ -97,11 +97,11 @@ def through_smoother(net: VelocityNet, recipe: Recipe) -> tuple[NeuralFactor, st
     The table is ``outage_table``'s, of no network, of the network's answers at constant sigmas, and
     of the network; with the correlation that its errors have by themselves, and in outages.
     """
-    how, found = recipe.outages, calibration_of(net, recipe)
-    measured = factor_of(net, recipe, found.half_life_s, found.lasting)
-    tried = [factor_of(net, recipe, *pair) for pair in product(how.half_life_s, how.lasting)]
+    how, answers = recipe.outages, calibration_of(net, recipe)
+    measured = factor_of(net, recipe, answers.half_life_s, answers.lasting)
+    tried = [factor_of(net, recipe, *pair) for pair in product(how.half_life_s, how.constant_share)]
     best = tuned(tried, outage_flights_of(recipe, _SMOOTHED, how.flights))
-    sigma = np.mean(found.sigmas, axis=0).tolist()
+    sigma = np.mean(answers.sigmas, axis=0).tolist()
     methods = {
         "no network": (),
         "constant sigmas, measured": (NeuralFactor(measured.network.with_sigma(sigma)),),
@@ -137,13 +137,15 @@ def calibrate(net: VelocityNet, held: Records, window: int) -> None:
 def calibration_of(net: VelocityNet, recipe: Recipe) -> Calibration:
     """Return a network's calibration on whole flights: constant sigmas, correlation of errors."""
     rngs = np.random.default_rng([recipe.seed, _CALIBRATE]).spawn(recipe.training.held_out)
-    scenarios = [vehicle_scenario(recipe.world, drawn_kind(recipe.world, own), own) for own in rngs]
-    flights = [simulate(scenario, own) for scenario, own in zip(scenarios, rngs, strict=True)]
+    scenarios = [vehicle_scenario(recipe.world, drawn_kind(recipe.world, rng), rng) for rng in rngs]
+    flights = [simulate(scenario, rng) for scenario, rng in zip(scenarios, rngs, strict=True)]
     source = factor_of(net, recipe, recipe.outages.half_life_s[0], 0.0)
     return calibration([source] * len(flights), flights)
 
 
-def factor_of(net: VelocityNet, recipe: Recipe, half_life_s: float, lasting: float) -> NeuralFactor:
+def factor_of(
+    net: VelocityNet, recipe: Recipe, half_life_s: float, constant_share: float
+) -> NeuralFactor:
     """Return a network as a factor, its errors correlated so."""
     return learn.factor(
         net,
@@ -151,7 +153,7 @@ def factor_of(net: VelocityNet, recipe: Recipe, half_life_s: float, lasting: flo
         _inputs(recipe),
         frame="b",
         half_life_s=round(half_life_s, 2),
-        lasting=round(lasting, 2),
+        lasting=round(constant_share, 2),
         name=recipe.release.name,
     )
 
@@ -190,7 +192,7 @@ def _release(
     domain = recipe.training.domain(FIGURES, dict(zip(FIGURES, figures, strict=False)))
     content = {key: value for key, value in said(recipe).items() if key != "release"}
     origin = made_with(recipe.seed, content, metrics, order)
-    stated = source.network.manifest
-    manifest = manifest_of(recipe.release, stated.inputs, stated.output, domain, origin)
+    contract = source.network.manifest
+    manifest = manifest_of(recipe.release, contract.inputs, contract.output, domain, origin)
     examples = [scale * x.double().numpy() for x, scale in zip(sensed, SCALE, strict=False)]
     release(module, examples, manifest, recipe.release, metrics, order.out)
