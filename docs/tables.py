@@ -18,7 +18,7 @@ from statistics import mean, median
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
 PAGES = (
-    *(EVIDENCE / f"{name}.md" for name in ("validation", "performance", "networks")),
+    *(EVIDENCE / f"{name}.md" for name in ("validation", "performance", "networks", "outages")),
     ROOT / "README.md",
 )
 STATES = {"attitude": "deg", "position": "m", "velocity": "m/s"}
@@ -228,9 +228,38 @@ def links() -> str:
     return _table((*head, "position NEES", "NLL less constant", "NLL less C/N0"), lines)
 
 
+def outages() -> str:
+    """Return errors and scores of states in outages, by the factors of the smoother."""
+    figures = ("rmse", "nees", "nll", "energy")
+    lines = []
+    for row in _read(EVIDENCE / "outages.csv"):
+        state = f"{row['state']}, {row['unit']}"
+        cells = (f"{float(row[figure]):.3g}" for figure in figures)
+        lines.append((row["method"], state, row["flights"], *cells))
+    head = ("factors", "state", "n", "RMSE", "NEES of 1", "NLL", "energy")
+    return _table(head, lines)
+
+
+def outage_gains() -> str:
+    """Return differences of scores in outages, the last method's less the others'."""
+    lines = []
+    for row in _read(EVIDENCE / "outages.csv"):
+        if not row["nll_less"]:
+            continue
+        gains = (
+            _interval(row, *(f"{figure}_{end}" for end in ("less", "low", "high")))
+            for figure in ("rmse", "nll", "energy")
+        )
+        lines.append((row["method"], f"{row['state']}, {row['unit']}", *gains))
+    return _table(("factors", "state", "RMSE", "NLL", "energy"), lines)
+
+
 TABLES: dict[str, Callable[[], str]] = {
-    one.__name__: one
-    for one in (summary, clean, methods, recordings, outcomes, times, peers, answers, worth, links)
+    table.__name__: table
+    for table in (
+        *(summary, clean, methods, recordings, outcomes, times, peers),
+        *(answers, worth, outages, outage_gains, links),
+    )
 }
 
 

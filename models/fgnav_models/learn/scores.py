@@ -33,7 +33,7 @@ def nll(
         Keyframes beyond its span do not count.
     of : sequence of {"attitude", "position", "velocity"}
     """
-    error, covariance = _errors(posterior, truth, of)
+    error, covariance = errors(posterior, truth, of)
     normal = torch.distributions.MultivariateNormal(torch.zeros_like(error), covariance)
     found: Tensor = -normal.log_prob(error).mean()
     return found
@@ -48,14 +48,14 @@ def energy_score(posterior: Posterior, truth: Truth, of: Scored) -> Tensor:
         As of ``nll``.
     of : {"attitude", "position", "velocity"}
     """
-    error, covariance = _errors(posterior, truth, (of,))
+    error, covariance = errors(posterior, truth, (of,))
     draws = torch.from_numpy(normal_nodes(3)) @ torch.linalg.cholesky(covariance).mT
     near = (draws - error[:, None]).norm(dim=2).mean()
     return near - draws.norm(dim=2).mean() / 2**0.5
 
 
-def _errors(posterior: Posterior, truth: Truth, of: Sequence[Scored]) -> tuple[Tensor, Tensor]:
-    """Return truth less mean, (t, d), and the covariances of that, (t, d, d)."""
+def errors(posterior: Posterior, truth: Truth, of: Sequence[Scored]) -> tuple[Tensor, Tensor]:
+    """Return truth less mean, (t, d), and its covariances, (t, d, d); arguments as of ``nll``."""
     rows = np.flatnonzero(covered(truth, posterior.t_s))
     real = truth_at(truth, posterior.t_s[rows])
     R_nb, p_n_m, v_n_mps = (torch.tensor(x) for x in (real.R_nb, real.p_n_m, real.v_n_mps))

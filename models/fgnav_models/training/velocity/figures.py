@@ -1,84 +1,116 @@
-"""How good a velocity network is on flights it never saw, beside the constant sigma."""
+"""Figures of a velocity network on held-out flights: its answers, and states in outages."""
 
-from dataclasses import dataclass
+import csv
+from collections.abc import Mapping, Sequence
+from io import StringIO
+from typing import NamedTuple
 
 import numpy as np
 import torch
 
-from fgnav.checks import FloatArray, IntArray
-from fgnav.neural.correlation import half_life_s
-from fgnav_models.training.velocity.data import Records
-from fgnav_models.training.velocity.nets import VelocityNet
-from fgnav_models.training.velocity.vehicles.world import KINDS
+from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.evaluation.figures import energy_score, negative_log_likelihood
+from fgnav.evaluation.networks import calibration
+from fgnav.evaluation.paired import paired, pooled
+from fgnav.neural.factor import NeuralFactor
+from fgnav.types.flight import Flight
+from fgnav_models.learn.scores import Scored, errors
+from fgnav_models.training.velocity.outages import OutageFlight
 
-_EVERY_S = 0.1  # between windows that are judged
-_AT_ONCE = 2000  # windows: 10 MB of six channels over four seconds
-_AXES = ("forward", "right", "down")
+_UNITS: dict[Scored, tuple[str, float]] = {
+    "attitude": ("deg", 180 / np.pi),
+    "position": ("m", 1.0),
+    "velocity": ("m/s", 1.0),
+}
+_SEED = 0x5EED  # of the bootstrap
+Factors = tuple[NeuralFactor, ...]
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Judged:
-    """Errors and 1-sigmas of windows, (k, 3), m/s, of one flight after another.
+class Scores(NamedTuple):
+    """Figures of one state in the outage of one flight."""
 
-    ``flight`` and ``kind`` say of which, (k,); ``prior`` is what a constant answer errs by.
+    rmse: float
+    nees: float  # of one degree of freedom
+    nll: float
+    energy: float
+
+
+def answer_figures(source: NeuralFactor, flights: Sequence[Flight]) -> dict[str, float]:
+    """Return RMSE, NEES of 1, NLL and energy score of answers, by kind of vehicle.
+
+    Beside them are those by the best constant standard deviations of the kind's other flights,
+    which takes two of a kind.
     """
-
-    flight: IntArray
-    kind: IntArray
-    error_mps: FloatArray
-    sigma_mps: FloatArray
-    prior_mps: FloatArray
-
-
-def judged(net: VelocityNet, flights: Records, window: int) -> Judged:
-    """Return a network's errors on flights, ten windows a second."""
-    flight, last = flights.every(round(_EVERY_S * flights.rate_hz), window)
-    errors, sigmas, truth = [], [], []
-    with torch.no_grad():
-        for first in range(0, len(flight), _AT_ONCE):
-            part = slice(first, first + _AT_ONCE)
-            *sensed, v_b_mps = flights.windows(flight[part], last[part], window)
-            answer, log_sigma = net(*sensed)
-            errors.append((answer - v_b_mps).double().numpy())
-            sigmas.append(log_sigma.double().exp().numpy())
-            truth.append(v_b_mps.double().numpy())
-    v = np.concatenate(truth)
-    return Judged(
-        flight=flight,
-        kind=flights.kind[flight],
-        error_mps=np.concatenate(errors),
-        sigma_mps=np.concatenate(sigmas),
-        prior_mps=v - v.mean(axis=0),
-    )
+    figures: dict[str, float] = {}
+    for kind in ("all", *dict.fromkeys(flight.name for flight in flights)):
+        of_kind = [flight for flight in flights if kind in ("all", flight.name)]
+        if len(of_kind) < 2:
+            continue
+        answers = calibration([source] * len(of_kind), of_kind)
+        figures[f"{kind}: RMSE m/s"] = answers.rmse
+        for name, scores in (("network", answers.network), ("best constant", answers.constant)):
+            figures[f"{kind}: NEES of 1, {name}"] = scores.nees
+            figures[f"{kind}: NLL, {name}"] = scores.nll
+            figures[f"{kind}: energy score m/s, {name}"] = scores.energy
+    return figures
 
 
-def measured_half_life_s(of: Judged) -> float:
-    """Return the half-life of errors, normalised by their 1-sigmas."""
-    white = of.error_mps / of.sigma_mps
-    flights = [white[of.flight == k] for k in np.unique(of.flight)]
-    return half_life_s([(_EVERY_S * np.arange(len(one)), one) for one in flights])
+def outage_scores(
+    methods: Mapping[str, Factors], flights: Sequence[OutageFlight]
+) -> dict[tuple[str, Scored], FloatArray]:
+    """Return ``Scores``, (flights, 4), of each method's factors in the smoother, by state.
+
+    NaN where there is no solution.
+    """
+    collected: dict[tuple[str, Scored], list[Scores]] = {}
+    for method, factors in methods.items():
+        for flight in flights:
+            for state, scores in _scores(flight, factors).items():
+                collected.setdefault((method, state), []).append(scores)
+    return {key: np.array(scores) for key, scores in collected.items()}
 
 
-def figures_of(of: Judged) -> dict[str, float]:
-    """Return RMS errors, NEES of 1 and likelihoods by axis and kind of vehicle."""
-    found: dict[str, float] = {}
-    for axis, name in enumerate(_AXES):
-        e, sigma, prior = of.error_mps[:, axis], of.sigma_mps[:, axis], of.prior_mps[:, axis]
-        constant = np.sqrt((e**2).mean())
-        found |= {
-            f"{name}: network, RMS m/s": float(constant),
-            f"{name}: no network, RMS m/s": float(np.sqrt((prior**2).mean())),
-            f"{name}: NLL by the network's sigma": _nll(e, sigma),
-            f"{name}: NLL by the constant sigma that fits best": _nll(e, constant),
-        }
-        for k, kind in enumerate(KINDS):
-            own = of.kind == k
-            if own.any():
-                found[f"{kind}, {name}: RMS m/s"] = float(np.sqrt((e[own] ** 2).mean()))
-                found[f"{kind}, {name}: NEES of 1"] = float(((e / sigma)[own] ** 2).mean())
-    return found
+def _scores(flight: OutageFlight, factors: Factors) -> dict[Scored, Scores]:
+    try:
+        with torch.no_grad():
+            posterior = flight.posterior(factors)
+    except NoSolutionError:
+        return dict.fromkeys(_UNITS, Scores(*np.full(4, np.nan).tolist()))
+    by_state: dict[Scored, Scores] = {}
+    for state, (_, scale) in _UNITS.items():
+        error, covariance = (x.numpy() for x in errors(posterior, flight.outage, (state,)))
+        squares = np.einsum(
+            "ni,ni->n", error, np.linalg.solve(covariance, error[:, :, None])[:, :, 0]
+        )
+        by_state[state] = Scores(
+            rmse=scale * float(np.sqrt((error**2).sum(axis=1).mean())),
+            nees=float(squares.mean()) / 3,
+            nll=negative_log_likelihood(error, covariance),
+            energy=scale * energy_score(error, covariance),
+        )
+    return by_state
 
 
-def _nll(error: FloatArray, sigma: FloatArray | float) -> float:
-    squared = (error / sigma) ** 2
-    return float((squared / 2 + np.log(sigma) + np.log(2 * np.pi) / 2).mean())
+def outage_table(scores: Mapping[tuple[str, Scored], FloatArray]) -> str:
+    """Return a CSV table: figures of each method and state, and by how much the last is better.
+
+    Differences are of the last method less the row's, over flights that both solve, with their
+    intervals of 95 %.
+    """
+    file = StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    heads = [
+        f"{name}{bound}" for name in Scores._fields for bound in ("", "_less", "_low", "_high")
+    ]
+    writer.writerow(["method", "state", "unit", "flights", *heads])
+    last = list(scores)[-1][0]
+    for (method, state), rows in scores.items():
+        cells = [method, state, _UNITS[state][0], str(int(np.isfinite(rows[:, 0]).sum()))]
+        for column, best, name in zip(rows.T, scores[last, state].T, Scores._fields, strict=True):
+            rng = np.random.default_rng(_SEED)
+            cells.append(f"{pooled(column, rng, squared=name == 'rmse').value:.4g}")
+            gain = paired(best, column, rng).difference
+            bounds = (gain.value, gain.low, gain.high)
+            cells += [f"{x:.4g}" if method != last else "" for x in bounds]
+        writer.writerow(cells)
+    return file.getvalue()
