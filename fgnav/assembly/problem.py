@@ -114,7 +114,6 @@ def build_problem(
         problem=until_motion(problem, stage, track, flight.initial),
         opening=_opening(problem, stage, track, flight.initial),
         imu=stage.record.imu,
-        earth_rate_n_radps=stage.earth_rate_n_radps,
         epochs=stage.epochs,
         integers=stage.start.integers,
         unused=(*_all(parts, "unused"), *repeated),
