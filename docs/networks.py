@@ -26,7 +26,7 @@ from fgnav_models.training.velocity.vehicles.world import (  # noqa: E402
     vehicle_scenario,
 )
 from fgnav_sim.scenario import FixesTable, load_scenario  # noqa: E402
-from fgnav_sim.simulate import simulate, simulate_many  # noqa: E402
+from fgnav_sim.simulate import simulate  # noqa: E402
 from tests.recordings import drive, quadrotor  # noqa: E402
 
 FLIGHTS, SPAN_S, RATE_HZ = 6, 20.0, 100.0
@@ -41,7 +41,7 @@ def bodies(name: str) -> list[fgnav.Flight]:
     fixes = FixesTable(rate_hz=10.0)
     scenario = msgspec.structs.replace(scenario, gnss=None, fixes=fixes, duration_s=SPAN_S)
     rngs = np.random.default_rng([SEED, len(name)]).spawn(FLIGHTS)
-    return [one.flight for one in simulate_many(scenario, rngs)]
+    return [simulate(scenario, rng) for rng in rngs]
 
 
 def vehicles(kind: str) -> list[fgnav.Flight]:

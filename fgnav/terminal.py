@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from fgnav.diagnostics import Diagnosis
     from fgnav.evaluation.comparison import Comparison
+    from fgnav.evaluation.report.parts import Blocks
 
 _LOG = logging.getLogger("fgnav")
 _PIPE_WIDTH = 120  # columns of a table that goes to no terminal
@@ -60,16 +61,6 @@ def progress(steps: int) -> "Iterator[Steps]":
     with _bars() as shown:
         task = shown.add_task("", total=1.0)
         yield Steps(steps, lambda what, to: shown.update(task, description=what, completed=to))
-
-
-@contextmanager
-def counting(name: str) -> "Iterator[Callable[[int, int], None]]":
-    """Show how many are done, and of how many, on a terminal; nothing on a pipe."""
-    with _bars() as shown:
-        task = shown.add_task(name, total=None)
-        yield lambda done, asked: shown.update(
-            task, description=f"{name}: {done} of {asked}", completed=done, total=asked
-        )
 
 
 @contextmanager
@@ -193,12 +184,18 @@ def check_outputs(
                 raise BadInputError(f"{path}: is a file of the flight itself; name another")
 
 
+def show_blocks(blocks: "Blocks") -> None:
+    """Print tables and paragraphs of a report."""
+    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415  # lazy, like all below
+
+    print("\n".join(text_lines(blocks, width())))
+
+
 def show_comparison(comparison: "Comparison") -> None:
     """Print the table of a comparison and what is to be said of it."""
     from fgnav.evaluation.report.summary import method_table, remarks  # noqa: PLC0415
-    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415
 
-    print("\n".join(text_lines([method_table(comparison)], width())))
+    show_blocks([method_table(comparison)])
     show_lines(remarks(comparison))
 
 
@@ -224,8 +221,7 @@ def _facts(diagnosis: "Diagnosis") -> Iterator[tuple[str, str]]:
     yield "orbits", ", ".join(diagnosis.orbits) or "none"
     yield "gyroscope", "yes" if diagnosis.gyroscope else "no"
     for name, series in diagnosis.series.items():
-        span = f"{series.first_s:.3f} to {series.last_s:.3f} s"
-        yield name, f"{series.samples} samples, {series.rate_hz:.4g} Hz, {span}"
+        yield name, str(series)
 
 
 def show_shipped(package: str, kind: str, name: str | None, json: str | None) -> None:

@@ -93,7 +93,8 @@ def test_help_of_a_command_shows_no_empty_default_and_no_option_that_undoes_anot
 def test_help_loads_nothing_heavy():
     code = (
         "import sys; from fgnav.cli import main; main(['--help']);"
-        "heavy = {'cyclopts', 'rich', 'numpy', 'scipy', 'numba', 'gtsam', 'matplotlib', 'msgspec'};"
+        "heavy = {'cyclopts', 'rich', 'numpy', 'scipy', 'numba', 'gtsam', 'matplotlib', 'msgspec',"
+        "'fgnav_sim', 'fgnav_models'};"
         "sys.exit(' '.join(heavy & set(sys.modules)) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

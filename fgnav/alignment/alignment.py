@@ -13,8 +13,7 @@ from fgnav.types.differences import DoubleDifferences
 from fgnav.types.estimate import Rejected
 from fgnav.types.integers import Integers
 
-Rows = FloatArray | BoolArray | IntArray
-OF_FORM = ("information", "vector", "constant", "count")
+_BY_EPOCH = ("R_nb", "covariance_rad2", "valid", "refused")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -59,42 +58,40 @@ class Alignment:
         return epoch
 
     def __getitem__(self, rows: IntArray) -> "Alignment":
-        """Return the start at some of its epochs, in their order."""
+        """Select epochs, in their order."""
         if len(rows) == len(self.t_s):
             return self
-        return replace(
-            self,
-            t_s=self.t_s[rows],
-            R_nb=self.R_nb[rows],
-            covariance_rad2=self.covariance_rad2[rows],
-            valid=self.valid[rows],
-            form=None if self.form is None else self.form[rows],
-            refused=self.refused[rows],
-        )
+        columns: dict[str, Any] = {name: getattr(self, name)[rows] for name in _BY_EPOCH}
+        form = None if self.form is None else self.form[rows]
+        return replace(self, t_s=self.t_s[rows], form=form, **columns)
+
+    def with_rows(self, rows: IntArray, part: "Alignment") -> "Alignment":
+        """Return the alignment, that of some epochs, (k,), replaced."""
+        columns: dict[str, Any] = {name: getattr(self, name).copy() for name in _BY_EPOCH}
+        for name, column in columns.items():
+            column[rows] = getattr(part, name)
+        form = self.form
+        if form is not None and part.form is not None:
+            form = form.with_rows(rows, part.form)
+        return replace(self, form=form, **columns)
 
 
 def at_keyframes(start: Alignment, t_s: FloatArray) -> Alignment:
     """Return an alignment at keyframes, (n,), among them all its epochs; the others have none."""
-    row = np.searchsorted(t_s, start.t_s)
-    n, form = len(t_s), start.form
-    if n == len(row):
+    n = len(t_s)
+    if n == len(start.t_s):
         return start
-
-    def spread(values: Rows) -> Any:  # noqa: ANN401
-        out = np.zeros((n, *values.shape[1:]), dtype=values.dtype)
-        out[row] = values
-        return out
-
+    none, form = np.zeros(n, dtype=np.bool_), start.form
     if form is not None:
-        form = RotationQuadratic(**{name: spread(getattr(form, name)) for name in OF_FORM})
-    R_nb = np.tile(np.eye(3), (n, 1, 1))
-    R_nb[row] = start.R_nb
-    return replace(
+        open_form = np.zeros((n, 9, 9)), np.zeros((n, 9)), np.zeros(n), np.zeros(n, dtype=np.int64)
+        form = RotationQuadratic(*open_form)
+    unaligned = replace(
         start,
         t_s=t_s,
-        R_nb=R_nb,
-        covariance_rad2=spread(start.covariance_rad2),
-        valid=spread(start.valid),
+        R_nb=np.tile(np.eye(3), (n, 1, 1)),
+        covariance_rad2=np.zeros((n, 3, 3)),
+        valid=none,
+        refused=none,
         form=form,
-        refused=spread(start.refused),
     )
+    return unaligned.with_rows(np.searchsorted(t_s, start.t_s), start)

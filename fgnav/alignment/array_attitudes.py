@@ -1,34 +1,32 @@
 """Attitudes of single epochs, where the smoother starts: of the array, or of other vectors."""
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from itertools import chain
 
 import numpy as np
 
-from fgnav.alignment.alignment import OF_FORM, Alignment, Rows
+from fgnav.alignment.alignment import Alignment
 from fgnav.alignment.array.pivot import View, pivot_notes, pivot_unused, pivot_views
 from fgnav.alignment.gaps import gap_notes, spans
-from fgnav.alignment.in_motion.attitudes import carried_attitudes
+from fgnav.alignment.in_motion.attitudes import gyroscope_alignment
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.alignment.matching import nearest
 from fgnav.alignment.vector_alignment import (
     VECTOR_SIGMA_RAD,
-    of_vectors,
     vector_attitudes,
+    wahba_alignment,
 )
 from fgnav.attitude.array import maximum_likelihood
 from fgnav.attitude.flight_vectors import measured_vectors, track_of, with_velocity
 from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BoolArray, FloatArray, IntArray, NoSolutionError
+from fgnav.checks import BoolArray, FloatArray, NoSolutionError
 from fgnav.gravity import GravityDirection
-from fgnav.integers.resolvers.resolve import resolve
-from fgnav.integers.validation import ValidatedArray, validated
+from fgnav.integers.validation import ValidatedArray
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.integers import Integers, Resolver
 
 
-def without_array(
+def alignment_without_array(
     flight: Flight,
     gravity: GravityDirection | None = None,
     *,
@@ -54,55 +52,18 @@ def without_array(
     """
     imu, sees = flight.imu, flight.photodetector is not None
     if imu is not None and imu.w_b_radps is not None and not (causal and sees):
-        carried = carried_attitudes(flight, imu, causal=causal, earlier=earlier)
-        if carried.valid.any() or not sees:
-            return carried
+        by_gyroscope = gyroscope_alignment(flight, imu, causal=causal, earlier=earlier)
+        if by_gyroscope.valid.any() or not sees:
+            return by_gyroscope
     if not causal:
         return vector_attitudes(flight, gravity)
     track = track_of(flight, causal=True)
     pairs, unused = measured_vectors(flight, track, causal=True)
-    return of_vectors(track.t_s, with_velocity(pairs, track), unused)
+    return wahba_alignment(track.t_s, with_velocity(pairs, track), unused)
 
 
-class ArrayPhases(NamedTuple):
-    """Phases of an array by one reference antenna, their integers, and what agrees of them."""
-
-    differences: DoubleDifferences
-    integers: Integers
-    clean: ValidatedArray
-
-
-def array_phases(
-    flight: Flight, resolver: Resolver, false_alarm: float, *, causal: bool = False
-) -> tuple[ArrayPhases | None, ...]:
-    """Return an array's phases by each view of ``pivot_views``; None where one has no integers.
-
-    Causal: each epoch by epochs up to it.
-
-    Raises
-    ------
-    BadInputError
-        If the resolver has no causal form, and needs one.
-    NoSolutionError
-        If the first has none.
-    """
-    phases: list[ArrayPhases | None] = []
-    for view in pivot_views(flight, causal=causal):
-        try:
-            differences, integers = resolve(view.flight, resolver, causal=causal)
-        except NoSolutionError:
-            if not phases:
-                raise
-            phases.append(None)  # then these epochs stay without
-            continue
-        names = tuple(antenna.name for antenna in view.flight.antennas)
-        clean = validated(differences, integers, names, false_alarm, causal=causal)
-        phases.append(ArrayPhases(differences, integers, clean))
-    return tuple(phases)
-
-
-def of_arrays(
-    flight: Flight, phases: tuple[ArrayPhases | None, ...], *, causal: bool = False
+def array_alignment(
+    flight: Flight, phases: tuple[ValidatedArray | None, ...], *, causal: bool = False
 ) -> Alignment:
     """Return attitudes of the array, by another reference where the first tracks nothing.
 
@@ -111,8 +72,8 @@ def of_arrays(
     Parameters
     ----------
     flight : Flight
-    phases : tuple of ArrayPhases or None
-        Of these observations, see ``array_phases``.
+    phases : tuple of ValidatedArray or None
+        Of these observations by each view of ``pivot_views``; None where one has no integers.
     causal : bool
 
     Raises
@@ -132,59 +93,39 @@ def of_arrays(
                 raise
     start = parts[0][1]
     for view, other in parts[1:]:
-        start = _completed_by(start, other, view.rows)
+        start = start.with_rows(view.rows, other)
+    notes, unused, rejections = (
+        tuple(chain.from_iterable(getattr(part, name) for _, part in parts))
+        for name in ("notes", "unused", "rejections")
+    )
     return replace(
         start,
-        unused=pivot_unused(views, start.unused),
-        notes=tuple(dict.fromkeys((*start.notes, *pivot_notes(views)))),
+        unused=pivot_unused(views, unused),
+        rejections=rejections,
+        notes=tuple(dict.fromkeys((*notes, *pivot_notes(views)))),
     )
 
 
-def _completed_by(start: Alignment, other: Alignment, rows: IntArray) -> Alignment:
-    """Fill some epochs, (k,), that have none with the attitudes by another reference antenna."""
-
-    def put(values: Rows, of: Rows) -> Any:  # noqa: ANN401
-        out = values.copy()
-        out[rows] = of
-        return out
-
-    form = start.form
-    if form is not None and other.form is not None:
-        parts = {name: put(getattr(form, name), getattr(other.form, name)) for name in OF_FORM}
-        form = RotationQuadratic(**parts)
-    return replace(
-        start,
-        R_nb=put(start.R_nb, other.R_nb),
-        covariance_rad2=put(start.covariance_rad2, other.covariance_rad2),
-        valid=put(start.valid, other.valid),
-        form=form,
-        refused=put(start.refused, other.refused),
-        unused=(*start.unused, *other.unused),
-        rejections=(*start.rejections, *other.rejections),
-        notes=(*start.notes, *other.notes),
-    )
-
-
-def _of_array(flight: Flight, phases: ArrayPhases, *, causal: bool) -> Alignment:
-    differences, integers, clean = phases
-    names, attitude = tuple(antenna.name for antenna in flight.antennas), clean.attitude
+def _of_array(flight: Flight, phases: ValidatedArray, *, causal: bool) -> Alignment:
+    differences, attitude = phases.differences, phases.attitude
+    names = tuple(antenna.name for antenna in flight.antennas)
     is_open = attitude.solved & attitude.open_axis_b.any(axis=1)
     if is_open.any():
-        form = _with_vectors(flight, clean.form, differences.t_s, is_open, causal=causal)
+        form = _with_vectors(flight, phases.form, differences.t_s, is_open, causal=causal)
         attitude = maximum_likelihood(form)
     return Alignment(
         t_s=differences.t_s,
         R_nb=attitude.R_nb,
         covariance_rad2=attitude.covariance_rad2,
-        valid=attitude.solved & ~clean.refused & ~attitude.open_axis_b.any(axis=1),
-        form=clean.form,
-        integers=clean.integers,
-        refused=clean.refused,
-        unused=(*differences.unused, *integers.unused),
-        rejections=clean.rejections,
-        notes=(*clean.notes, *_antenna_gaps(names, differences)),
+        valid=attitude.solved & ~phases.refused & ~attitude.open_axis_b.any(axis=1),
+        form=phases.form,
+        integers=phases.integers,
+        refused=phases.refused,
+        unused=(*differences.unused, *phases.integers.unused),
+        rejections=phases.rejections,
+        notes=(*phases.notes, *_antenna_gaps(names, differences)),
         unobservable=attitude.unobservable(),
-        phases=(differences, clean.ranges_m),
+        phases=(differences, phases.ranges_m),
     )
 
 

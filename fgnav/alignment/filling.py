@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.alignment.gaps import LOST_S, carried
+from fgnav.alignment.gaps import LOST_S, rotation_cubic
 from fgnav.alignment.rates import angular_rates
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.rotations import exp, log, transpose
@@ -33,6 +33,6 @@ def interpolated_attitudes(t_s: FloatArray, R_nb: FloatArray, valid: BoolArray) 
         (place - before)[:, None],
     )
     span_s = (t_s[good[after]] - t_s[good[before]])[:, None]
-    cubic = carried(first, last, rates[before], rates[after], span_s, share)
+    cubic = rotation_cubic(first, last, rates[before], rates[after], span_s, share)
     even = first @ exp(share * log(transpose(first) @ last))
     return np.asarray(np.where(span_s[:, None] <= 2 * LOST_S, cubic, even))

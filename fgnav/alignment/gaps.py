@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fgnav.alignment.matching import nearest
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import exp, log, transpose
@@ -16,7 +17,7 @@ LONGEST_GAP_S = 0.5  # longer ones are bridged with what little is known, and no
 # Between keyframes. With GNSS once a second and a sine of 20 degrees, twice as much puts the
 # accelerometer's bias off by 1.5 sigma.
 LONGEST_STEP_S = 0.1
-_LATE = 0.5  # steps: a tag that is late is no gap
+_TOLERANCE = 0.5  # steps: a tag that is late is no gap
 _LONGEST_TURN_RAD = 0.7  # between keyframes: docs/theory/gyro_free_motion.md, commutator
 _SEVERAL = 2.5  # usual intervals without a measurement are worth a sentence
 _CORRELATION_S = 2.0  # of what a body does while nobody measures it
@@ -48,40 +49,26 @@ def bridged(imu: Imu, *, causal: bool = False) -> Bridged:
     Causal: nothing is filled, since a line ends in a sample to come, and what is not known of
     force and rate is the size of gravity and a radian a second.
     """
-    if causal:
-        return _unfilled(imu)
-    step_s = np.diff(imu.t_s)
+    step_s, filled, f_b, w_b = np.diff(imu.t_s), imu, imu.f_b_mps2, imu.w_b_radps
     gap = np.flatnonzero(step_s > LONGEST_GAP_S)
     gaps_s = np.stack([imu.t_s[gap], imu.t_s[gap + 1]], axis=1)
-    filled = imu
-    if len(gap):
+    if len(gap) and not causal:
         regular_s = min(float(np.median(step_s)), LONGEST_GAP_S)
         inside = [np.arange(a + regular_s, b - regular_s / 2, regular_s) for a, b in gaps_s]
         t_s = np.union1d(imu.t_s, np.concatenate(inside))
-        rates = None if imu.w_b_radps is None else interpolate(t_s, imu.t_s, imu.w_b_radps)
-        filled = replace(
-            imu, t_s=t_s, f_b_mps2=interpolate(t_s, imu.t_s, imu.f_b_mps2), w_b_radps=rates
-        )
-    size = max((imu.f_b_mps2**2).sum(axis=1).mean(), _GRAVITY_MPS2**2)
-    spread = imu.f_b_mps2.var(axis=0).max() + size / 4
-    inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(spread))
-    if imu.w_b_radps is not None:
-        noise = _as_white(imu.w_b_radps.var(axis=0).max())
-        noise = max(noise, imu.gyroscope_noise_radps_per_sqrt_hz or 0.0)
+        rates = None if w_b is None else interpolate(t_s, imu.t_s, w_b)
+        filled = replace(imu, t_s=t_s, f_b_mps2=interpolate(t_s, imu.t_s, f_b), w_b_radps=rates)
+    force, rate = _GRAVITY_MPS2**2, 1.0  # variances of what is not known
+    if not causal:
+        force = f_b.var(axis=0).max() + max((f_b**2).sum(axis=1).mean(), force) / 4
+    inflated = replace(filled, accelerometer_noise_mps2_per_sqrt_hz=_as_white(force))
+    if w_b is not None:
+        noise = _as_white(rate)
+        if not causal:
+            nominal = imu.gyroscope_noise_radps_per_sqrt_hz or 0.0
+            noise = max(_as_white(w_b.var(axis=0).max()), nominal)
         inflated = replace(inflated, gyroscope_noise_radps_per_sqrt_hz=noise)
     return Bridged(imu=filled, inflated=inflated, gaps_s=gaps_s)
-
-
-def _unfilled(imu: Imu) -> Bridged:
-    """Return a record with its gaps, and noise in them that no sample to come decides."""
-    gap = np.flatnonzero(np.diff(imu.t_s) > LONGEST_GAP_S)
-    noise = _as_white(_GRAVITY_MPS2**2)
-    inflated = replace(imu, accelerometer_noise_mps2_per_sqrt_hz=noise)
-    if imu.w_b_radps is not None:
-        inflated = replace(inflated, gyroscope_noise_radps_per_sqrt_hz=_as_white(1.0))
-    return Bridged(
-        imu=imu, inflated=inflated, gaps_s=np.stack([imu.t_s[gap], imu.t_s[gap + 1]], axis=1)
-    )
 
 
 def keyframe_times(
@@ -121,7 +108,7 @@ def keyframe_times(
         rate = before if causal else np.maximum(before, after)
         step_s = usual_s / np.ceil(usual_s * rate / _LONGEST_TURN_RAD).clip(1)
     room_s = np.append(span_s, max(until_s - epochs_s[-1], 0.0))
-    parts = np.ceil(room_s / step_s - _LATE).astype(np.int64).clip(1)
+    parts = np.ceil(room_s / step_s - _TOLERANCE).astype(np.int64).clip(1)
     parts[-1] = int(room_s[-1] / step_s[-1] + 1e-6) + 1 if causal else 1
     within = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     return np.asarray(np.repeat(epochs_s, parts) + within * np.repeat(step_s, parts))
@@ -161,15 +148,13 @@ def time_from_attitude_s(t_s: FloatArray, valid: BoolArray, *, causal: bool = Fa
     """Compute the time from each keyframe to the nearest attitude, s, (n,); causal: the last."""
     if causal:
         return np.asarray(t_s - t_s[np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), 0))])
+    if not valid.any():
+        return np.full(len(t_s), np.inf)
     valid_s = t_s[valid]
-    if len(valid_s) < 2:
-        return np.abs(t_s - (valid_s[0] if len(valid_s) else np.inf))
-    after = np.searchsorted(valid_s, t_s).clip(1, len(valid_s) - 1)
-    before_s, after_s = np.abs(t_s - valid_s[after - 1]), np.abs(valid_s[after] - t_s)
-    return np.asarray(np.minimum(before_s, after_s))
+    return np.abs(t_s - valid_s[nearest(valid_s, t_s)[0]])
 
 
-def carried(
+def rotation_cubic(
     first: FloatArray,
     last: FloatArray,
     first_radps: FloatArray,
@@ -191,7 +176,7 @@ def carried(
         Time between them, and the share of it that has passed.
     """
     mean = (first_radps + last_radps) / 2
-    rest = log(transpose(first @ exp(span_s * mean)) @ last)
+    residual = log(transpose(first @ exp(span_s * mean)) @ last)
     bend = span_s * share * (1 - share) * (first_radps - last_radps) / 2
-    turned = share**2 * (3 - 2 * share) * rest + bend
-    return np.asarray(first @ exp(span_s * share * mean) @ exp(turned))
+    rotation = share**2 * (3 - 2 * share) * residual + bend
+    return np.asarray(first @ exp(span_s * share * mean) @ exp(rotation))

@@ -34,9 +34,9 @@ def level_start(flight: Flight, imu: Imu, rotation: ImuRotation, at_s: float) ->
         baseline for baseline in heading_baselines(flight) if baseline.of.t_s[0] <= at_s + SAME_S
     ]
     if baselines:
-        R_nb = _turned_to_baseline(baselines[0], rotation, R_nb @ R_ub.T, at_s) @ R_ub
+        R_nb = _heading_by_baseline(baselines[0], rotation, R_nb @ R_ub.T, at_s) @ R_ub
     elif _field_determines_heading(sensor) and sensor.t_s[0] <= at_s + SAME_S:
-        R_nb = _turned_to_field(sensor, rotation, R_nb @ R_ub.T, at_s) @ R_ub
+        R_nb = _heading_by_field(sensor, rotation, R_nb @ R_ub.T, at_s) @ R_ub
     return np.asarray(stated_attitude(flight.initial, R_nb) @ R_ub.T)
 
 
@@ -64,24 +64,24 @@ def _field_determines_heading(sensor: Magnetometer | None) -> TypeGuard[Magnetom
     return float(np.hypot(sensor.hard_iron_ut, sensor.noise_ut)) < KNOWN_RAD * across_ut
 
 
-def _turned_to_field(
+def _heading_by_field(
     sensor: Magnetometer, rotation: ImuRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of the samples by then."""
     rows = _last_second(sensor.t_s, at_s)
     R_lb = R_lu @ rotation.at(sensor.t_s[rows])
     north, east, _ = np.einsum("nij,nj->i", R_lb, sensor.field_b_ut[rows])
-    return _turned(R_lu, np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north))
+    return _with_yaw(R_lu, np.arctan2(*sensor.field_n_ut[1::-1]) - np.arctan2(east, north))
 
 
-def _turned_to_baseline(
+def _heading_by_baseline(
     between: BodyBaseline, rotation: ImuRotation, R_lu: FloatArray, at_s: float
 ) -> FloatArray:
     """Return R_nu, (3, 3), level as R_lu is, with the heading of a baseline by then."""
     rows = _last_second(between.of.t_s, at_s)
     north, east, _ = (R_lu @ rotation.at(between.of.t_s[rows]) @ between.vector_b_m).T
     turn = np.exp(1j * (between.of.heading_rad[rows] - np.arctan2(east, north)))
-    return _turned(R_lu, float(np.angle(turn.sum())))
+    return _with_yaw(R_lu, float(np.angle(turn.sum())))
 
 
 def _last_second(t_s: FloatArray, at_s: float) -> slice:
@@ -90,7 +90,7 @@ def _last_second(t_s: FloatArray, at_s: float) -> slice:
     return slice(min(int(np.searchsorted(t_s, at_s - LEVEL_S)), end - 1), end)
 
 
-def _turned(R_lu: FloatArray, yaw_rad: float) -> FloatArray:
+def _with_yaw(R_lu: FloatArray, yaw_rad: float) -> FloatArray:
     return np.asarray(exp(np.array([[0.0, 0.0, yaw_rad]]))[0] @ R_lu)
 
 

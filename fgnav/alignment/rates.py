@@ -23,10 +23,12 @@ def rough_rates(
     """
     if imu.w_b_radps is not None:
         return interpolate(t_s, imu.t_s, imu.w_b_radps)
-    rest_radps = angular_rates(t_s, despun(rotation, t_s, R_nb))
+    residual_radps = angular_rates(t_s, despun(rotation, t_s, R_nb))
     if rotation is not None:
-        rest_radps = np.einsum("nji,nj->ni", rotation.at(t_s), rest_radps) + rotation.rates(t_s)
-    return np.asarray(rest_radps)
+        residual_radps = np.einsum("nji,nj->ni", rotation.at(t_s), residual_radps) + rotation.rates(
+            t_s
+        )
+    return np.asarray(residual_radps)
 
 
 def slopes_at(
@@ -35,8 +37,8 @@ def slopes_at(
     """Estimate a gyroscope's angular acceleration, (n, 3), by samples about or up to times."""
     after_s = 0.0 if causal else _SLOPE_SPAN_S / 2
     after, before = (
-        interpolate(t_s + off_s, samples_s, w_b_radps, causal=causal)
-        for off_s in (after_s, after_s - _SLOPE_SPAN_S)
+        interpolate(t_s + shift_s, samples_s, w_b_radps, causal=causal)
+        for shift_s in (after_s, after_s - _SLOPE_SPAN_S)
     )
     return np.asarray((after - before) / _SLOPE_SPAN_S)
 

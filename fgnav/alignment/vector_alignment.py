@@ -15,7 +15,7 @@ from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log, skew, transpose
 from fgnav.gravity import GravityDirection
 from fgnav.messages import note
-from fgnav.types.flight import Flight, Imu
+from fgnav.types.flight import Flight
 from fgnav.types.vehicle import FinnedVehicle
 
 # Of attitudes that assume a velocity along x_b, and hold for two epochs, where rates are derived
@@ -23,8 +23,8 @@ from fgnav.types.vehicle import FinnedVehicle
 VECTOR_SIGMA_RAD = 0.1
 # Of the specific force by velocities: 0.2 to 0.35 m/s2 of 15.
 _FORCE_SIGMA_RAD = 0.02
-_APART = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
-_FEWEST = 5  # attitudes for a rate
+_MIN_SINE = np.sin(np.radians(15.0))  # of gravity and specific force: the turn about either
+_MINIMUM = 5  # attitudes for a rate
 # And how close: of six turns with gravity every 5.8 s, three ended at a wrong minimum when
 # these attitudes alone started the search, none when all epochs assumed velocity.
 _NEAR_S = 0.5
@@ -52,17 +52,23 @@ def vector_attitudes(flight: Flight, gravity: GravityDirection | None) -> Alignm
         if few is not None and _dense(few):
             return replace(few, unused=unused, rotation=rotation)
     assumed = with_velocity(pairs, track)
-    start = of_vectors(track.t_s, assumed, unused)
+    start = wahba_alignment(track.t_s, assumed, unused)
     if few is not None:
         f_n = assumed.directions().v_n[:, pairs.sources.index("specific force")]
         determined = start.valid & np.isfinite(f_n[:, 0])
-        start = replace(start, R_nb=_turned_as(start.R_nb, determined, np.nan_to_num(f_n), few))
+        start = replace(start, R_nb=_rotated_as(start.R_nb, determined, np.nan_to_num(f_n), few))
     if isinstance(flight.vehicle, FinnedVehicle):
         return replace(start, rough=False, rotation=rotation)
-    return replace(start, notes=_assumption_note(flight.imu, assumed), rotation=rotation)
+    # What is assumed is noted where no gyroscope carries attitudes from epoch to epoch: between
+    # minima of the smoother's cost a turn apart the data hardly decide; on flights of a body that
+    # swings by 20 degrees about all axes their costs were within one percent.
+    carries = flight.imu is not None and flight.imu.w_b_radps is not None
+    takes_part = assumed.valid[:, [name == "velocity" for name in assumed.sources]].any()
+    notes = (note("W202"),) if takes_part and not carries else ()
+    return replace(start, notes=notes, rotation=rotation)
 
 
-def of_vectors(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
+def wahba_alignment(t_s: FloatArray, pairs: VectorPairs, unused: tuple[Unused, ...]) -> Alignment:
     """Return attitudes of epochs, (n,), from their vector pairs, of a nominal covariance."""
     attitude = wahba(pairs.directions())
     determined = attitude.rank == 2
@@ -81,10 +87,10 @@ def _dense(attitudes: Alignment) -> bool:
     """Return True if most epochs are close to one with an attitude."""
     valid = attitudes.valid
     away_s = time_from_attitude_s(attitudes.t_s, valid)
-    return bool(valid.sum() >= _FEWEST and (away_s > _NEAR_S).mean() <= 0.5)
+    return bool(valid.sum() >= _MINIMUM and (away_s > _NEAR_S).mean() <= 0.5)
 
 
-def _turned_as(
+def _rotated_as(
     R_nb: FloatArray, determined: BoolArray, f_n: FloatArray, few: Alignment
 ) -> FloatArray:
     """Return attitudes turned about the specific force, (n, 3), by what a few epochs ask for.
@@ -94,21 +100,10 @@ def _turned_as(
     rows = np.flatnonzero(determined & few.valid)
     if not len(rows):
         return R_nb
-    apart = log(few.R_nb[rows] @ transpose(R_nb[rows]))
-    turn = np.unwrap(np.einsum("ni,ni->n", apart, f_n[rows]))
+    rotation = log(few.R_nb[rows] @ transpose(R_nb[rows]))
+    turn = np.unwrap(np.einsum("ni,ni->n", rotation, f_n[rows]))
     between = np.interp(few.t_s, few.t_s[rows], turn)
     return np.asarray(np.where(determined[:, None, None], exp(between[:, None] * f_n) @ R_nb, R_nb))
-
-
-def _assumption_note(imu: Imu | None, pairs: VectorPairs) -> tuple[str, ...]:
-    """Return a note on what is assumed, where no gyroscope carries attitudes from epoch to epoch.
-
-    Between minima of the smoother's cost a turn apart the data hardly decide: on flights of a body
-    that swings by 20 degrees about all axes, their costs were within one percent.
-    """
-    gyroscope = imu is not None and imu.w_b_radps is not None
-    assumed = "velocity" in pairs.sources and pairs.valid[:, pairs.sources.index("velocity")].any()
-    return (note("W202"),) if assumed and not gyroscope else ()
 
 
 def _by_gravity(
@@ -127,7 +122,7 @@ def _by_gravity(
         sources=("specific force", "gravity"),
     ).directions()
     across = np.linalg.norm(np.cross(both.v_n[:, 0], both.v_n[:, 1]), axis=1)
-    valid = at_epoch & both.valid.all(axis=1) & (across > _APART)
+    valid = at_epoch & both.valid.all(axis=1) & (across > _MIN_SINE)
     if not valid.any():
         return None
     variance = np.stack(

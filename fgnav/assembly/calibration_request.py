@@ -1,11 +1,12 @@
-"""Parameters of a flight that are asked for: landmark, boresight, gravity's tilt, lever arm, array.
+"""Parameters of a flight that are requested: landmark, boresight, gravity's tilt, lever arm, array.
 
-Each is how far something is from what the flight states, the landmark excepted, which is a place.
-Off unless asked for, but for the landmark, which always has its survey's doubt.
+Each is the error of a nominal value, the landmark excepted, which is a place. None is estimated
+unless requested, but the landmark, which always has the uncertainty of its survey.
 """
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,41 +20,40 @@ from fgnav.types.flight import Flight
 # 1-sigma of the constant part of a rate, rad/s: two and a half turns a second, as rockets spin
 # (docs/theory/gyro_free_motion.md).
 _MEAN_RATE_RADPS = 15.0
-SURVEYED_M = 0.01  # 1-sigma of a landmark that is not asked for: a surveyed beacon
+SURVEYED_M = 0.01  # 1-sigma of a landmark that is not requested: a surveyed beacon
 _SPACE_N = ("north", "east", "down")
 _SPACE_B = ("x_b", "y_b", "z_b")
 
 
-@dataclass(frozen=True, slots=True)
-class _Kind:
-    """Kind of a calibration parameter: axes, unit of its sigma, default."""
+class _Kind(NamedTuple):
+    """Kind of a calibration parameter: its name, axes and unit, and the default of its 1-sigma."""
 
+    name: str
     axes: tuple[str, ...]
-    degrees: bool
-    sigma: float
+    unit: str
+    sigma: float  # in degrees of angles
 
 
 _KINDS = {
-    "landmark": _Kind(_SPACE_N, False, 10.0),
-    "boresight": _Kind(("about y_b", "about z_b"), True, 2.0),
-    "gravity": _Kind(("about x_b", "about y_b"), True, 2.0),
-    "lever-arm": _Kind(_SPACE_B, False, 0.3),
-    "antenna": _Kind(_SPACE_B, False, 0.05),
-    # Tags by a computer's clock, or its arrival: tenths of a second. Below, its rate.
-    "clock": _Kind(("offset",), False, 0.3),
+    "landmark": _Kind("landmark", _SPACE_N, "m", 10.0),
+    "boresight": _Kind("boresight", ("about y_b", "about z_b"), "rad", 2.0),
+    "gravity": _Kind("gravity", ("about x_b", "about y_b"), "rad", 2.0),
+    "lever-arm": _Kind("lever-arm", _SPACE_B, "m", 0.3),
+    "antenna": _Kind("antenna", _SPACE_B, "m", 0.05),
+    # Timestamps by a computer's clock, or of arrival: tenths of a second.
+    "clock": _Kind(CLOCK_OFFSET, ("offset",), "s", 0.3),
     # A velocity that is the mean since the fix before is half an interval old, of 1 Hz 0.5 s.
-    "velocity-delay": _Kind(("delay",), False, 0.3),
+    "velocity-delay": _Kind(VELOCITY_DELAY, ("delay",), "s", 0.3),
 }
 # 1-sigma of a clock's rate: quartz is good to 1e-4, the ceramic resonators of small units to
 # 0.5 % (data sheets of Murata CSTNE).
 _CLOCK_RATE_PPM = 1000.0
-_OF_TIME = ("clock", "velocity-delay")
 NAMES = (*(name for name in _KINDS if name != "antenna"), "antennas", "antenna:NAME")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationRequest:
-    """One word of ``estimate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
+    """One word of ``calibrate``: a kind, for antennas a name or all, and a sigma, m, rad or s.
 
     Of a clock ``moved`` is by how much timestamps have been corrected, s and parts per million;
     of a delay ``start`` is where its search starts, s.
@@ -65,6 +65,29 @@ class CalibrationRequest:
     moved: tuple[float, float] = (0.0, 0.0)
     start: float = 0.0
 
+    def parameters(self, antennas: tuple[str, ...] = ()) -> tuple[Parameter, ...]:
+        """Return the parameters: of antennas by their names one each, of a clock offset and rate.
+
+        Parameters
+        ----------
+        antennas : tuple of str
+            Those whose position is requested.
+        """
+        kind = _KINDS[self.kind]
+        names = [f"antenna {name}" for name in antennas] or [kind.name]
+        constants = tuple(flight_constant(name, kind.axes, kind.unit, self.sigma) for name in names)
+        if self.kind == "velocity-delay":
+            return (replace(constants[0], start=np.array([self.start])),)
+        if self.kind != "clock":
+            return constants
+        # As little is known of the rate of a clock that has proved off as that is large.
+        rate_ppm = max(_CLOCK_RATE_PPM, abs(self.moved[1]))
+        both = (*constants, flight_constant(CLOCK_RATE, ("rate",), "ppm", rate_ppm))
+        return tuple(
+            replace(part, stated=np.array([-moved]))
+            for part, moved in zip(both, self.moved, strict=True)
+        )
+
 
 def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, ...]:
     """Parse the words of ``calibrate``.
@@ -75,7 +98,7 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
         ``"landmark"`` (10 m), ``"boresight"`` (2 degrees about y_b and z_b), ``"gravity"`` (2
         degrees about x_b and y_b, of a gravity estimator), ``"lever-arm"`` (0.3 m, from the
         accelerometer to the antennas), ``"antennas"`` (0.05 m, each but the reference), or
-        ``"antenna:a4"``; ``"clock"`` (0.3 s and 1,000 ppm: what is to be added to the tags of the
+        ``"antenna:a4"``; ``"clock"`` (0.3 s and 1,000 ppm: what is to be added to timestamps of the
         inertial unit, in the middle of the flight, and how that grows) and ``"velocity-delay"``
         (0.3 s, of fixes). ``"landmark=30"`` states another 1-sigma, in metres,
         degrees or seconds.
@@ -85,24 +108,19 @@ def calibration_requests(estimate: Iterable[str]) -> tuple[CalibrationRequest, .
     BadInputError
         Naming the word and what is known.
     """
-    requests = []
+    requests: list[CalibrationRequest] = []
     for word in estimate:
         name, equals, sigma = word.partition("=")
         kind, of_one, antenna = name.partition(":")
         kind = "antenna" if kind == "antennas" and not of_one else kind
-        of_kind = _KINDS.get(kind)
-        if of_kind is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
+        entry = _KINDS.get(kind)
+        if entry is None or bool(of_one) != bool(antenna) or (antenna and kind != "antenna"):
             raise BadInputError(f"calibrate: {quoted(word)} is none of {', '.join(NAMES)}")
         if kind == name == "antenna":
             raise BadInputError("calibrate: 'antenna' must name one, antenna:a4, or be antennas")
-        value = _sigma(name, sigma) if equals else of_kind.sigma
-        requests.append(
-            CalibrationRequest(
-                kind=kind,
-                antenna=antenna or None,
-                sigma=float(np.radians(value)) if of_kind.degrees else value,
-            )
-        )
+        value = _sigma(name, sigma) if equals else entry.sigma
+        value = float(np.radians(value)) if entry.unit == "rad" else value
+        requests.append(CalibrationRequest(kind=kind, antenna=antenna or None, sigma=value))
     named = [(request.kind, request.antenna) for request in requests]
     for word, of in zip(estimate, named, strict=True):
         if named.count(of) > 1 or (of[1] and ("antenna", None) in named):
@@ -123,13 +141,13 @@ def _sigma(name: str, text: str) -> float:
 
 
 def constants_of(
-    words: tuple[CalibrationRequest, ...], flight: Flight, *, gravity: bool
+    requests: tuple[CalibrationRequest, ...], flight: Flight, *, gravity: bool
 ) -> tuple[Parameter, ...]:
-    """Return the constants that are asked for.
+    """Return the constants that are requested.
 
     Parameters
     ----------
-    words : tuple of CalibrationRequest
+    requests : tuple of CalibrationRequest
     flight : Flight
     gravity : bool
         Whether directions of gravity are measured.
@@ -139,93 +157,66 @@ def constants_of(
     BadInputError
         If the flight has nothing that the constant belongs to.
     """
-    lacking = {
-        "landmark": flight.photodetector is None and "the flight has no [photodetector]",
-        "boresight": flight.photodetector is None and "the flight has no [photodetector]",
-        "gravity": not gravity and "no source of the direction of gravity; see --gravity",
-        "lever-arm": flight.imu is None and "the flight has no [imu]",
-        "clock": flight.imu is None and "the flight has no [imu]",
-        "velocity-delay": all(fixes.v_n_mps is None for fixes in flight.fixes)
-        and "the flight has no [fixes] with velocities",
+    has_velocities = any(fixes.v_n_mps is not None for fixes in flight.fixes)
+    photodetector = (flight.photodetector is not None, "the flight has no [photodetector]")
+    imu = (flight.imu is not None, "the flight has no [imu]")
+    needed = {
+        "landmark": photodetector,
+        "boresight": photodetector,
+        "gravity": (gravity, "no source of the direction of gravity; see --gravity"),
+        "lever-arm": imu,
+        "clock": imu,
+        "velocity-delay": (has_velocities, "the flight has no [fixes] with velocities"),
     }
     constants: list[Parameter] = []
-    for word in words:
-        if lacking.get(word.kind):
-            raise BadInputError(f"calibrate {word.kind}: {lacking[word.kind]}")
-        if word.kind in _OF_TIME:
-            constants += of_time(word)
-            continue
-        if word.kind != "antenna":
-            constants.append(of_vehicle(word))
-            continue
-        for i in _antennas(word, flight):
-            name = f"antenna {flight.antennas[i].name}"
-            constants.append(flight_constant(name, _SPACE_B, "m", word.sigma))
+    for request in requests:
+        is_there, lack = needed.get(request.kind, (True, ""))
+        if not is_there:
+            raise BadInputError(f"calibrate {request.kind}: {lack}")
+        antennas = _antennas(request, flight) if request.kind == "antenna" else ()
+        constants += request.parameters(antennas)
     return tuple(constants)
 
 
-def of_vehicle(word: CalibrationRequest) -> Parameter:
-    """Return the constant that a word requests, of all but antennas."""
-    kind = _KINDS[word.kind]
-    return flight_constant(word.kind, kind.axes, "rad" if kind.degrees else "m", word.sigma)
-
-
-def of_tags(words: tuple[CalibrationRequest, ...], flight: Flight) -> tuple[Parameter, ...]:
-    """Return the offset of the unit's clock within its doubt, unless it is asked for or exact.
+def timestamp_offset(
+    requests: tuple[CalibrationRequest, ...], flight: Flight
+) -> tuple[Parameter, ...]:
+    """Return the offset of the unit's clock, unless it is requested or exact.
 
     Of flights with a gyroscope and fixes: it leads from one to the next better than they see, and
     half a sample of a turn is a thousandth of a radian. Phases of arcs depend on no clock: beside
-    them tags are taken as exact.
+    them timestamps are taken as exact.
     """
     imu = flight.imu
-    is_requested = any(word.kind == "clock" for word in words)
-    if imu is None or imu.w_b_radps is None or not imu.clock_offset_sigma_s or is_requested:
+    is_requested = any(request.kind == "clock" for request in requests)
+    if imu is None or imu.w_b_radps is None or is_requested or flight.observations is not None:
         return ()
-    if flight.observations is not None:
-        return ()
-    return (
-        flight_constant(CLOCK_OFFSET, ("offset",), "s", imu.clock_offset_sigma_s, reported=False),
-    )
+    sigma_s = imu.clock_offset_sigma_s
+    offset = flight_constant(CLOCK_OFFSET, ("offset",), "s", sigma_s, reported=False)
+    return (offset,) if sigma_s else ()
 
 
-def late_s(words: tuple[CalibrationRequest, ...]) -> float:
-    """Return the latency that back-propagation covers: that of the velocities."""
-    return max((FORCE_SPAN_S, *(word.start for word in words if word.kind == "velocity-delay")))
+def propagation_span_s(requests: tuple[CalibrationRequest, ...]) -> float:
+    """Return how far back states are propagated to velocities that are late."""
+    return max((FORCE_SPAN_S, *(one.start for one in requests if one.kind == "velocity-delay")))
 
 
-def of_time(word: CalibrationRequest) -> tuple[Parameter, ...]:
-    """Return the constants of a clock, or of values that are late."""
-    if word.kind == "velocity-delay":
-        delay = flight_constant(VELOCITY_DELAY, ("delay",), "s", word.sigma)
-        return (replace(delay, start=np.array([word.start])),)
-    offset = flight_constant(CLOCK_OFFSET, ("offset",), "s", word.sigma)
-    # Of a clock that has proved off, as little is known as it is large.
-    rate = flight_constant(CLOCK_RATE, ("rate",), "ppm", max(_CLOCK_RATE_PPM, abs(word.moved[1])))
-    return tuple(
-        replace(one, stated=np.array([-moved]))
-        for one, moved in zip((offset, rate), word.moved, strict=True)
-    )
-
-
-def with_evidence(constants: tuple[Parameter, ...], *, sight: bool) -> tuple[Parameter, ...]:
-    """Return constants that something measured.
+def with_landmark(
+    constants: tuple[Parameter, ...], landmark_n_m: FloatArray | None
+) -> tuple[Parameter, ...]:
+    """Return constants with the place of a landmark: surveyed, unless requested; None: not seen.
 
     Raises
     ------
     NoSolutionError
-        Naming one that is not observable.
+        Naming a constant that no line of sight determines.
     """
-    for constant in constants:
-        if constant.name in ("landmark", "boresight") and not sight:
-            raise NoSolutionError(f"{constant.name}: the detector never sees the landmark")
-    return constants
-
-
-def with_landmark(
-    constants: tuple[Parameter, ...], landmark_n_m: FloatArray
-) -> tuple[Parameter, ...]:
-    """Return constants with the landmark's place among them: surveyed, if it was not asked for."""
-    if not any(constant.name == "landmark" for constant in constants):
+    names = [constant.name for constant in constants]
+    if landmark_n_m is None:
+        for name in {"landmark", "boresight"}.intersection(names):
+            raise NoSolutionError(f"{name}: the detector never sees the landmark")
+        return constants
+    if "landmark" not in names:
         surveyed = flight_constant("landmark", _SPACE_N, "m", SURVEYED_M, reported=False)
         constants = (*constants, surveyed)
     return tuple(
@@ -238,22 +229,21 @@ def with_landmark(
 
 def mean_rate() -> Parameter:
     """Return the constant about which the rate of a body without a gyroscope wanders."""
-    one = flight_constant(MEAN_RATE, _SPACE_B, "rad/s", _MEAN_RATE_RADPS, reported=False)
-    return replace(one, linear=True)
+    rate = flight_constant(MEAN_RATE, _SPACE_B, "rad/s", _MEAN_RATE_RADPS, reported=False)
+    return replace(rate, linear=True)
 
 
-def _antennas(word: CalibrationRequest, flight: Flight) -> tuple[int, ...]:
-    """List the antennas that a word means; the reference has the lever arm."""
-    count = len(flight.antennas)
-    if count < 2 or flight.observations is None:
+def _antennas(request: CalibrationRequest, flight: Flight) -> tuple[str, ...]:
+    """List the antennas of a request; the reference has the lever arm."""
+    names, name = tuple(antenna.name for antenna in flight.antennas), request.antenna
+    if len(names) < 2 or flight.observations is None:
         raise BadInputError("calibrate antennas: the flight has no array of antennas")
-    if word.antenna is None:
-        return tuple(range(1, count))
-    names = [antenna.name for antenna in flight.antennas]
-    if word.antenna not in names:
-        raise BadInputError(f"calibrate antenna:{word.antenna}: not one of {', '.join(names)}")
-    if word.antenna == names[0]:
+    if name is None:
+        return names[1:]
+    if name not in names:
+        raise BadInputError(f"calibrate antenna:{name}: not one of {', '.join(names)}")
+    if name == names[0]:
         raise BadInputError(
-            f"calibrate antenna:{word.antenna}: is the reference of the array; ask for lever-arm"
+            f"calibrate antenna:{name}: is the reference of the array; ask for lever-arm"
         )
-    return (names.index(word.antenna),)
+    return (name,)

@@ -15,9 +15,11 @@ import numpy as np
 
 from fgnav.alignment.in_motion.windows import WINDOW_S
 from fgnav.alignment.initial import attitude_prior
+from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.position.series import VectorSeries
-from fgnav.assembly.stages import Aligned, Tracked, moves_about
+from fgnav.assembly.stages import Aligned, Tracked, approximate_motion
 from fgnav.checks import BoolArray, FloatArray
+from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.vehicle.wheels import NAME as WHEELS
 from fgnav.graph.inertial.preintegrated import Inertial
 from fgnav.graph.types.problem import ROTATION_PRIOR_RAD, Opening, Problem
@@ -36,12 +38,15 @@ def until_motion(
 
     Its first heading is known as well as the gyroscope carries it back from there.
     """
-    start = stage.start
+    start, imu = stage.start, stage.record.imu
     if not stage.gyroscope or start.heading_from_s <= problem.t_s[0]:
         return problem
-    R_nb, sigma_rad = start.R_nb[0], min(_carried_back_rad(stage), ROTATION_PRIOR_RAD)
+    sigma_rad = float(stage.carried_sigma_rad[0])
+    if start.form is not None:
+        sigma_rad = (imu.gyroscope_bias_radps or 0.0) * (start.heading_from_s - start.t_s[0])
+    sigma_rad = min(sigma_rad + FIXED_RAD, ROTATION_PRIOR_RAD)
     noisy = _with_force_noise(problem, track, problem.t_s[1:] <= start.heading_from_s)
-    return replace(noisy, attitude_prior=attitude_prior(initial, R_nb, sigma_rad))
+    return replace(noisy, attitude_prior=attitude_prior(initial, start.R_nb[0], sigma_rad))
 
 
 def open_heading(
@@ -58,10 +63,11 @@ def open_heading(
     position = track.antenna.position
     if position is None:
         return None
-    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
+    p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     # They speak of the heading, which here is arbitrary.
-    parts = tuple(part for part in problem.sensors if part.name != WHEELS)
-    without_wheels = replace(problem, sensors=parts)
+    parts = tuple(sensor for sensor in problem.sensors if sensor.name != WHEELS)
+    phase = _phase_before_heading(problem, stage, track)
+    without_wheels = replace(problem, sensors=parts, phase=phase)
     opening = replace(
         _with_force_noise(without_wheels, track, np.ones(len(t_s) - 1, dtype=np.bool_)),
         start=start._replace(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps),
@@ -74,15 +80,21 @@ def open_heading(
         until_s=until_s,
         heading_variance_rad2=variance_rad2 if stated is None else min(variance_rad2, stated**2),
         arm_b_m=position.arm_b_m,
+        aligned=problem,
     )
 
 
-def _carried_back_rad(stage: Aligned) -> float:
-    """Return the 1-sigma of the first heading, carried back from where it is known."""
-    start, bias_radps = stage.start, stage.record.imu.gyroscope_bias_radps or 0.0
-    if start.form is None:
-        return float(stage.carried_sigma_rad[0] + FIXED_RAD)
-    return float(bias_radps * (start.heading_from_s - start.t_s[0]) + FIXED_RAD)
+def _phase_before_heading(problem: Problem, stage: Aligned, track: Tracked) -> AntennaPhase | None:
+    """Return phases before the heading is known: turns wind them up about an open one, too."""
+    phases, t_s = track.antenna.phases, track.t_s
+    if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
+        return problem.phase
+    before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
+    observed = tuple(
+        phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
+        for phase, rows in zip(phases, before, strict=True)
+    )
+    return antenna_phase(observed, t_s, stage.R_open, problem.constants, causal=True).phase
 
 
 def _with_force_noise(problem: Problem, track: Tracked, intervals: BoolArray) -> Problem:
@@ -90,7 +102,7 @@ def _with_force_noise(problem: Problem, track: Tracked, intervals: BoolArray) ->
     motion = problem.motion
     if not isinstance(motion, Inertial) or not intervals.any():
         return problem
-    velocity = next((series for _, series in track.antenna.velocities), None)
+    velocity = next(iter(track.antenna.velocities), None)
     size_mps2 = horizontal_mps2(problem.t_s, velocity, track.antenna.position)
     more = np.where(intervals, WINDOW_S * size_mps2[1:] ** 2, 0.0)
     return replace(problem, motion=motion.with_added_noise(more, np.zeros_like(more)))

@@ -20,7 +20,7 @@ from fgnav.process.hyperparameters import RatePrior
 from fgnav.process.prediction import Turning, filtered, filtered_back, smoothed
 from fgnav.process.volatility import varying_rate_prior
 
-_FEWEST = 5  # attitudes for hyperparameters
+_MINIMUM = 5  # attitudes for hyperparameters
 _BY_ONE_BASELINE = 3  # rank of what it tells of a rotation's nine elements
 _FIRST = 2  # attitudes that a causal prediction begins with
 _UNKNOWN_RAD = 0.5  # of a direction: its cosine errs by a tenth, what is linear about it holds
@@ -74,17 +74,19 @@ def motion_of(
         constants=constants,
         multipath=multipath,
     )
-    turning = predictions[0] if stage.causal else smoothed(*predictions)
-    return motion, _in_body(turning, stage.start), notes
+    prediction = predictions[0] if stage.causal else smoothed(*predictions)
+    return motion, _in_body(prediction, stage.start), notes
 
 
-def _in_body(turning: Turning, start: Alignment) -> Turning:
+def _in_body(prediction: Turning, start: Alignment) -> Turning:
     """Return the rotations of the body itself, which may spin."""
     rotation, t_s = start.rotation, start.t_s
     if rotation is None:
-        return turning
-    rate = np.einsum("nji,nj->ni", rotation.at(t_s), turning.rate_b_radps) + rotation.rates(t_s)
-    return turning._replace(R_nb=spun(rotation, t_s, turning.R_nb), rate_b_radps=np.asarray(rate))
+        return prediction
+    rate = np.einsum("nji,nj->ni", rotation.at(t_s), prediction.rate_b_radps) + rotation.rates(t_s)
+    return prediction._replace(
+        R_nb=spun(rotation, t_s, prediction.R_nb), rate_b_radps=np.asarray(rate)
+    )
 
 
 def _rate_priors(
@@ -99,10 +101,10 @@ def _rate_priors(
     start = stage.start
     sure = start.valid & (stage.float_arcs.stretch < 0)
     n = len(start.t_s) - 1
-    if settings.rate_prior is None and sure.sum() < _FEWEST:
+    if settings.rate_prior is None and sure.sum() < _MINIMUM:
         raise NoSolutionError(
             f"rate: {int(sure.sum())} epochs with an attitude are too few to identify the "
-            f"rate's process without a gyroscope, needs {_FEWEST}; or state rate_prior"
+            f"rate's process without a gyroscope, needs {_MINIMUM}; or state rate_prior"
         )
     if settings.causal and settings.rate_prior is None:
         poles, variance = _causal_priors(start, sure)
@@ -151,9 +153,11 @@ def _is_by_array(start: Alignment) -> bool:
     return bool(np.linalg.matrix_rank(information, hermitian=True) > _BY_ONE_BASELINE)
 
 
-def is_predicted(turning: Turning) -> BoolArray:
+def is_predicted(prediction: Turning) -> BoolArray:
     """Return at which times, (n,), predicted rotations are good enough to linearise there."""
-    return np.asarray(np.trace(turning.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2)
+    return np.asarray(
+        np.trace(prediction.covariance[:, :3, :3], axis1=1, axis2=2) < _UNKNOWN_RAD**2
+    )
 
 
 def _is_direction_unknown(stage: Aligned, predictions: tuple[Turning, ...]) -> BoolArray:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from fgnav.alignment.in_motion.windows import EarlierMotion
 from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
-from fgnav.assembly.sensors.rest import Rest
+from fgnav.assembly.sensors.standstill import Standing
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.delayed import TimedMotion
@@ -46,7 +46,7 @@ class PreparedFlight:
     implausible: Mapping[str, float] = field(default_factory=dict)
     # Covariance that other rate priors, nearly as likely, add to the attitudes of ``problem``.
     attitude_inflation_rad2: FloatArray | None = None  # (n, 3, 3)
-    rest: Rest | None = None  # seconds at rest
+    standing: Standing | None = None
     goes_on: Earlier | None = None  # what keyframes to come need of these
     arcs: tuple[ArcInteger, ...] = ()  # against a base
 

@@ -1,22 +1,20 @@
 """From a flight to a smoothing problem: keyframes, measurements, motion, and where to start."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from fgnav.alignment.array.multipath import lasting_error
-from fgnav.alignment.array.shape import initial_shape, shape_at
+from fgnav.alignment.array.multipath import correlated_error
+from fgnav.alignment.array.shape import array_shape, initial_shape, is_shape_estimated
 from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.alignment.initial import attitude_prior
 from fgnav.alignment.rates import timed_motion
 from fgnav.assembly.calibration_request import (
     constants_of,
-    late_s,
     mean_rate,
-    of_tags,
-    with_evidence,
+    propagation_span_s,
+    timestamp_offset,
     with_landmark,
 )
 from fgnav.assembly.heading_open import open_heading, until_motion
@@ -27,24 +25,29 @@ from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.prepared import Earlier, PreparedFlight
 from fgnav.assembly.sensors.gnss import array_sensors, positions, velocities
 from fgnav.assembly.sensors.instruments import Instruments, instruments
-from fgnav.assembly.sensors.rest import Rest, moving_antenna, resting_motion
+from fgnav.assembly.sensors.rest import moving_antenna, resting_motion
 from fgnav.assembly.sensors.standstill import standing
 from fgnav.assembly.settings import ProblemSettings
-from fgnav.assembly.stages import Aligned, Tracked, aligned, inertial_record, moves_about, tracked
+from fgnav.assembly.stages import (
+    Aligned,
+    Tracked,
+    aligned,
+    approximate_motion,
+    tracked,
+)
 from fgnav.checks import BoolArray, Unused
 from fgnav.graph.delayed import VELOCITY_DELAY, TimedMotion, on_clock
-from fgnav.graph.factors.antenna_phase import AntennaPhase
 from fgnav.graph.factors.baseline import BaselineVector
 from fgnav.graph.factors.line_of_sight import LineOfSight
 from fgnav.graph.factors.velocity import Velocity
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.graph.types.parameters import Parameter, Parameters
-from fgnav.graph.types.problem import Opening, Problem
+from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.sensor import Sensor
 from fgnav.graph.types.states import States
-from fgnav.integrity.instrument_screen import without_stuck
+from fgnav.integrity.instrument_screen import screen_instruments
 from fgnav.process.prediction import Turning
-from fgnav.types.flight import Flight, InitialAttitude, Photodetector
+from fgnav.types.flight import Flight
 
 
 def build_problem(
@@ -64,66 +67,63 @@ def build_problem(
         Naming the part of the flight that is missing.
     """
     requested = constants_of(settings.calibration, flight, gravity=settings.gravity is not None)
-    inertial_record(flight.imu)
     repeated: tuple[Unused, ...] = ()
     if not settings.causal:
-        flight, repeated = without_stuck(flight)
+        flight, repeated = screen_instruments(flight)
     last = last or LastObservations()
     by = last.of(flight, settings)
     if by is not None and not settings.causal:
         flight, requested = initial_shape(flight, requested, lambda: by.fixed)
-    before = None if earlier is None else earlier.motion
-    stage = aligned(flight, settings, requested, last.of(flight, settings), before)
+    motion_before = None if earlier is None else earlier.motion
+    stage = aligned(flight, settings, requested, last.of(flight, settings), motion_before)
     track = tracked(flight, stage)
     stands = standing(stage.record, track.t_s, track.antenna, causal=stage.causal)
-    rest = Rest.of(stands, track.t_s, causal=stage.causal)
-    v_n_mps = moves_about(stage, track, stage.start.R_nb)[1]
-    others = instruments(flight, stage, track, v_n_mps, stands)
-    antenna = moving_antenna(track.antenna, track.t_s, rest, settings.at_rest)
+    others = instruments(flight, stage, track, stands)
+    antenna = moving_antenna(track.antenna, track.t_s, stands, settings.at_rest)
     track = track._replace(antenna=antenna)
-    requested = (*requested, *of_tags(settings.calibration, flight))
-    constants = _constants(requested, stage, others, flight.photodetector)
-    multipath, multipath_notes = _multipath(stage, requested)
-    motion, turning, rate_notes = motion_of((stage, track), settings, constants, multipath)
-    motion = resting_motion(motion, stage.record.imu, rest, settings.at_rest)
-    timed = _timed(stage, track, settings)
-    phases = antenna_phase(
-        track.antenna.phases,
-        track.t_s,
-        stage.start.R_nb,
-        constants,
-        causal=stage.causal,
-        earlier=None if earlier is None else earlier.arcs,
-    )
+    requested = (*requested, *timestamp_offset(settings.calibration, flight))
+    constants = _constants(flight, requested, stage, others)
+    # Where antennas are off their places that looks like multipath.
+    is_looked_for = not (stage.causal or is_shape_estimated(requested))
+    multipath, multipath_notes = correlated_error(stage.start) if is_looked_for else (None, ())
+    motion, prediction, rate_notes = motion_of((stage, track), settings, constants, multipath)
+    motion = resting_motion(motion, stage.record.imu, stands, settings.at_rest)
+    causal, span_s = stage.causal, propagation_span_s(settings.calibration)
+    earth = stage.earth_rate_n_radps
+    kinematics = stage.record.imu, track.t_s, track.gravity_n_mps2, earth
+    timed = timed_motion(*kinematics, causal=causal, span_s=span_s)
+    before = None if earlier is None else earlier.arcs
+    observed, R_nb = track.antenna.phases, stage.start.R_nb
+    phases = antenna_phase(observed, track.t_s, R_nb, constants, causal=causal, earlier=before)
     antennas = _antennas(flight, stage, track, requested, (multipath, timed))
     sensors = _bound((*antennas, *others.sensors), constants, timed)
     problem = Problem(
         t_s=track.t_s,
-        start=_start(stage, track, constants, turning, motion.aux),
+        start=_start(stage, track, constants, prediction, motion.aux),
         motion=motion,
         sensors=sensors,
         constants=constants,
         attitude_known=_measured_attitudes(stage),
-        attitude_prior=attitude_prior(flight.initial, stage.start.R_nb[0]),
+        attitude_prior=attitude_prior(flight.initial, R_nb[0]),
         phase=phases.phase,
-        rate_known=turning is not None,
+        rate_known=prediction is not None,
     )
-    parts = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
+    reports = (stage.start, stage, track.antenna, track, others, phases, stage.float_arcs)
     notes = (*multipath_notes, *rate_notes, *_gaps(stage, track, sensors))
     return PreparedFlight(
         problem=until_motion(problem, stage, track, flight.initial),
-        opening=_opening(problem, stage, track, flight.initial),
+        opening=open_heading(problem, stage, track, flight.initial),
         imu=stage.record.imu,
         epochs=stage.epochs,
         integers=stage.start.integers,
-        unused=(*_all(parts, "unused"), *repeated),
-        rejections=_all(parts, "rejections"),
-        notes=(*_all(parts, "notes"), *notes),
-        observed=track.antenna.phases,
+        unused=(*_all(reports, "unused"), *repeated),
+        rejections=_all(reports, "rejections"),
+        notes=(*_all(reports, "notes"), *notes),
+        observed=observed,
         timed=timed,
         rough=stage.start.rough,
-        causal=stage.causal,
-        rest=rest,
+        causal=causal,
+        standing=stands,
         goes_on=_goes_on(flight, stage, phases.goes_on),
         arcs=phases.arcs,
     )
@@ -132,50 +132,6 @@ def build_problem(
 def _all(parts: tuple[object, ...], name: str) -> tuple[Any, ...]:
     """Concatenate the reports of the problem's parts."""
     return tuple(one for part in parts for one in getattr(part, name, ()))
-
-
-def _opening(
-    problem: Problem, stage: Aligned, track: Tracked, initial: InitialAttitude | None
-) -> Opening | None:
-    """Return the problem as a filter has it until the heading is known; None if it always is."""
-    phase = _phase_before_heading(problem.phase, stage, track, problem.constants)
-    opening = open_heading(replace(problem, phase=phase), stage, track, initial)
-    return None if opening is None else replace(opening, aligned=problem)
-
-
-def _timed(stage: Aligned, track: Tracked, settings: ProblemSettings) -> TimedMotion:
-    """Compute the kinematics at keyframes, for clocks and delays."""
-    return timed_motion(
-        stage.record.imu,
-        track.t_s,
-        track.gravity_n_mps2,
-        stage.earth_rate_n_radps,
-        causal=stage.causal,
-        span_s=late_s(settings.calibration),
-    )
-
-
-def _multipath(
-    stage: Aligned, requested: tuple[Parameter, ...]
-) -> tuple[Multipath | None, tuple[str, ...]]:
-    """Return the array's correlated errors; where its shape is asked for they look like it."""
-    shape_requested = any(one.name.startswith("antenna ") for one in requested)
-    return (None, ()) if stage.causal or shape_requested else lasting_error(stage.start)
-
-
-def _phase_before_heading(
-    phase: AntennaPhase | None, stage: Aligned, track: Tracked, constants: Parameters
-) -> AntennaPhase | None:
-    """Return phases before the heading is known: turns wind them up about an open one, too."""
-    phases, t_s = track.antenna.phases, track.t_s
-    if stage.R_open is None or all(phase.of.pole_n is None for phase in phases):
-        return phase
-    before = [t_s[phase.row] < stage.heading_known_s for phase in phases]
-    part = tuple(
-        phase._replace(row=phase.row[rows], epoch=phase.epoch[rows])
-        for phase, rows in zip(phases, before, strict=True)
-    )
-    return antenna_phase(part, t_s, stage.R_open, constants, causal=True).phase
 
 
 def _goes_on(flight: Flight, stage: Aligned, arcs: EarlierArcs | None) -> Earlier | None:
@@ -201,18 +157,13 @@ def _measured_attitudes(stage: Aligned) -> BoolArray:
 
 
 def _constants(
-    requested: tuple[Parameter, ...],
-    stage: Aligned,
-    others: Instruments,
-    photodetector: Photodetector | None,
+    flight: Flight, requested: tuple[Parameter, ...], stage: Aligned, others: Instruments
 ) -> Parameters:
     """List the constants: calibration, instruments, phases and the mean rate."""
-    parts = with_evidence(requested, sight=others.is_landmark_seen)
-    if others.is_landmark_seen and photodetector is not None:
-        parts = with_landmark(parts, photodetector.landmark_n_m)
-    parts = (*parts, *others.constants)
-    if not stage.gyroscope:
-        parts = (*parts, mean_rate())
+    photodetector = flight.photodetector if others.is_landmark_seen else None
+    landmark_n_m = None if photodetector is None else photodetector.landmark_n_m
+    parts = (*with_landmark(requested, landmark_n_m), *others.constants)
+    parts = parts if stage.gyroscope else (*parts, mean_rate())
     return Parameters((*parts, *stage.float_arcs.constants))
 
 
@@ -228,14 +179,13 @@ def _antennas(
     rates, earth = stage.rates if stage.gyroscope else None, stage.earth_rate_n_radps
     names = tuple(antenna.name for antenna in flight.antennas)
     if start.form is not None:
-        shape = shape_at(start.phases, start.form, track.t_s, start.valid, requested, names)
+        shape = array_shape(start, requested, names)
         errors, stretch = (multipath, not stage.gyroscope), stage.float_arcs.stretch
-        yield from array_sensors(start.form, shape, names, start.valid, stretch, errors)
+        yield from array_sensors(start.form, shape, start.valid, stretch, errors)
     if not antenna.phases:
-        yield from positions(series for _, series in antenna.positions)
+        yield from positions(antenna.positions)
     is_late = any(one.name == VELOCITY_DELAY for one in requested)
-    of_antennas = (series for _, series in antenna.velocities)
-    yield from velocities(of_antennas, rates, earth, timed.led if is_late else None)
+    yield from velocities(antenna.velocities, rates, earth, timed.led if is_late else None)
 
 
 def _bound(
@@ -253,17 +203,17 @@ def _bound(
 
 
 def _start(
-    stage: Aligned, track: Tracked, constants: Parameters, turning: Turning | None, width: int
+    stage: Aligned, track: Tracked, constants: Parameters, prediction: Turning | None, width: int
 ) -> States:
     """Return where the search starts."""
     R_nb = stage.start.R_nb
-    p_n_m, v_n_mps = moves_about(stage, track, R_nb)
+    p_n_m, v_n_mps = approximate_motion(stage, track, R_nb)
     aux = np.zeros((len(track.t_s), width))
     bias_b_radps = stage.start.gyroscope_bias_b_radps
-    if turning is not None:
-        predicted = is_predicted(turning)
-        aux[:, 3:6] = np.where(predicted[:, None], turning.rate_b_radps, stage.rates)
-        R_nb = np.where(predicted[:, None, None], turning.R_nb, R_nb)
+    if prediction is not None:
+        predicted = is_predicted(prediction)
+        aux[:, 3:6] = np.where(predicted[:, None], prediction.rate_b_radps, stage.rates)
+        R_nb = np.where(predicted[:, None, None], prediction.R_nb, R_nb)
     elif bias_b_radps is not None:
         aux[:, 3:6] = bias_b_radps
     return States(R_nb=R_nb, p_n_m=p_n_m, v_n_mps=v_n_mps, aux=aux, constants=constants.start)
@@ -279,7 +229,7 @@ def _gaps(stage: Aligned, track: Tracked, sensors: tuple[Sensor, ...]) -> tuple[
         ("velocity", antenna.velocities),
     ):
         if measured:
-            missing = ~np.any([series.valid for _, series in measured], axis=0)
+            missing = ~np.any([series.valid for series in measured], axis=0)
             notes += gap_notes(what, spans(t_s, missing))
     for kind in (BaselineVector, LineOfSight):
         rows = [sensor.row for sensor in sensors if sensor.name == kind.name]

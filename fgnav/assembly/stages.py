@@ -4,14 +4,14 @@ Causal, each keyframe is by what came before it alone.
 """
 
 from dataclasses import replace
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.alignment.alignment import Alignment, at_keyframes
 from fgnav.alignment.array.float_arcs import FloatArcs, with_float_arcs
-from fgnav.alignment.array_attitudes import of_arrays, without_array
+from fgnav.alignment.array.shape import is_shape_estimated
+from fgnav.alignment.array_attitudes import alignment_without_array, array_alignment
 from fgnav.alignment.filling import interpolated_attitudes, zero_order_hold
 from fgnav.alignment.gaps import (
     LONGEST_GAP_S,
@@ -34,7 +34,7 @@ from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, transpose
 from fgnav.graph.types.parameters import Parameter
 from fgnav.gravity import GravityDirection, causal_gravity
-from fgnav.integrity.imu_screen import without_faulty, without_stuck_so_far
+from fgnav.integrity.imu_screen import screen_imu, screen_imu_causally
 from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Flight, Imu
 
@@ -84,20 +84,11 @@ class Tracked(NamedTuple):
     """Motion of antennas, without measurements that contradict the inertial track."""
 
     t_s: FloatArray
-    antenna: AntennaMotion  # velocities, and positions of fixes, without what is left out
     places_n_m: FloatArray  # (n, 3), about where the antenna is
     gravity_n_mps2: FloatArray
+    antenna: AntennaMotion  # velocities, and positions of fixes, without what is rejected
     rejections: tuple[Rejected, ...]
     unused: tuple[Unused, ...]
-
-
-def inertial_record(imu: Imu | None) -> Imu:
-    """Return the accelerometer's record, of two samples at least."""
-    if imu is None:
-        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
-    if len(imu.t_s) < 2:
-        raise NoSolutionError(f"motion: the [imu] has {len(imu.t_s)} samples, needs 2")
-    return imu
 
 
 def aligned(
@@ -120,31 +111,37 @@ def aligned(
         If there are fewer than two attitudes, or, causal, none.
     """
     causal = settings.causal
-    screened = without_stuck_so_far if causal else without_faulty
-    imu, faulty = screened(inertial_record(flight.imu))
+    screened = screen_imu_causally if causal else screen_imu
+    if flight.imu is None:
+        raise NoSolutionError("motion: between epochs it needs an [imu], the flight has none")
+    if len(flight.imu.t_s) < 2:
+        raise NoSolutionError(f"motion: the [imu] has {len(flight.imu.t_s)} samples, needs 2")
+    imu, faulty = screened(flight.imu)
     record, down = bridged(imu, causal=causal), None
     if settings.gravity is not None:
         down = (causal_gravity(settings.gravity) if causal else settings.gravity)(flight)
     if by is not None and len(flight.antennas) > 1:
-        epochs = of_arrays(flight, by.array, causal=causal)
+        epochs = array_alignment(flight, by.array, causal=causal)
     else:
-        epochs = without_array(flight, down, causal=causal, earlier=earlier)
+        epochs = alignment_without_array(flight, down, causal=causal, earlier=earlier)
     start, count, unused = chosen_keyframes(
-        record.imu, epochs, measured_times_s(flight), causal=causal, earlier=earlier
+        flight, record.imu, epochs, causal=causal, earlier=earlier
     )
-    start, float_arcs = _float_arcs(start, settings, requested)
+    float_arcs = FloatArcs.none(len(start.t_s))
+    if not (causal or is_shape_estimated(requested)):
+        start, float_arcs = with_float_arcs(start, settings.false_alarm)
     return Aligned(
-        record,
-        down,
-        start,
-        float_arcs,
-        _rates(record.imu, start, causal=causal),
-        count,
-        (*faulty, *unused),
-        by,
-        flight.origin.earth_rate_n_radps,
-        causal,
-        _open_attitudes(flight, record.imu, start) if causal else None,
+        record=record,
+        down=down,
+        start=start,
+        float_arcs=float_arcs,
+        rates=_rates(record.imu, start, causal=causal),
+        epochs=count,
+        unused=(*faulty, *unused),
+        by=by,
+        earth_rate_n_radps=flight.origin.earth_rate_n_radps,
+        causal=causal,
+        R_open=_open_attitudes(flight, record.imu, start) if causal else None,
     )
 
 
@@ -165,46 +162,24 @@ def _open_attitudes(flight: Flight, imu: Imu, start: Alignment) -> FloatArray | 
     return spun(start.rotation, start.t_s, np.tile(R_nu, (len(start.t_s), 1, 1)))
 
 
-def measured_times_s(flight: Flight) -> FloatArray:
-    """Return times of what receivers solve beside the track: further fixes, and baselines."""
-    further = flight.fixes[1:] if flight.observations is None else ()
-    times = [one.t_s for one in further] + [baseline.t_s for baseline in flight.baselines]
-    return np.unique(np.concatenate([np.empty(0), *times]))
-
-
 def chosen_keyframes(
+    flight: Flight,
     imu: Imu,
     epochs: Alignment,
-    also_s: FloatArray,
     *,
     causal: bool = False,
     earlier: EarlierMotion | None = None,
 ) -> tuple[Alignment, int, tuple[Unused, ...]]:
     """Choose epochs, times between them and others as keyframes; count the rest with reasons.
 
-    Causal: times between them do not depend on the next, and go on after the last.
+    Others are of what receivers solve beside the track: further fixes, and baselines. Causal: times
+    between epochs do not depend on the next, and go on after the last.
     """
-    turn_rad = None
-    if imu.w_b_radps is None and len(epochs.t_s) > 1:
-        R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
-        turn_rad = np.linalg.norm(log(transpose(R_nu[:-1]) @ R_nu[1:]), axis=1)
-        turn_rad[~(epochs.valid[1:] & epochs.valid[:-1])] = np.nan
-        if epochs.rotation is not None:
-            spin_radps = np.linalg.norm(epochs.rotation.rates(epochs.t_s), axis=1)
-            turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
-    usual_s = None if earlier is None else earlier.step_s
-    times_s = keyframe_times(
-        epochs.t_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s
-    )
-    new_s = also_s[~nearest(times_s, also_s)[1]]
-    times_s = np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
-    times_s = _from_first_epoch(times_s, epochs.t_s, float(imu.t_s[0]))
-    start = at_keyframes(epochs, times_s)
+    carries = imu.w_b_radps is not None
+    start = at_keyframes(epochs, _times_s(flight, imu, epochs, causal=causal, earlier=earlier))
     t_s = start.t_s
     covered = (t_s >= imu.t_s[0]) & (t_s <= imu.t_s[-1])
-    good = np.flatnonzero(covered & start.valid)
-    carries = imu.w_b_radps is not None  # attitudes to epochs without one
-    fewest = 1 if causal else 2
+    good, fewest = np.flatnonzero(covered & start.valid), 1 if causal else 2
     is_carried = carries and start.form is None and covered.sum() >= fewest
     if len(good) < fewest and not is_carried:
         raise NoSolutionError(
@@ -213,7 +188,13 @@ def chosen_keyframes(
             f"{reason_without_attitude(imu, start, covered)}"
         )
     early = covered & (np.arange(len(t_s)) < (0 if carries else good[0]))
-    start, unused = kept(start, covered, early)
+    reasons = {
+        ("epoch", "not covered by the accelerometer's record"): ~covered,
+        ("epoch", "before the first attitude"): early,
+        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
+    }
+    unused = unused_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
+    start = start[np.flatnonzero(covered & ~early)]
     if len(start.t_s) < 2:
         why = reason_without_attitude(imu, start, covered[covered & ~early])
         raise NoSolutionError(f"attitude: one keyframe, needs 2 or more: {why}")
@@ -225,26 +206,40 @@ def chosen_keyframes(
     return replace(start, R_nb=spun(start.rotation, start.t_s, R_nu)), len(t_s), unused
 
 
-def _from_first_epoch(times_s: FloatArray, epochs_s: FloatArray, from_s: float) -> FloatArray:
-    """Return times of keyframes, (n,), none between epochs before the first of a record.
-
-    Nothing is measured there, and a window that begins there is held for one without a heading.
-    """
-    first_s = epochs_s[epochs_s >= from_s].min(initial=np.inf)
+def _times_s(
+    flight: Flight,
+    imu: Imu,
+    epochs: Alignment,
+    *,
+    causal: bool,
+    earlier: EarlierMotion | None,
+) -> FloatArray:
+    """Return the times of keyframes, (n,), in and beyond the inertial record."""
+    epochs_s, usual_s = epochs.t_s, None if earlier is None else earlier.step_s
+    turn_rad = _turns_rad(epochs) if imu.w_b_radps is None else None
+    times_s = keyframe_times(epochs_s, float(imu.t_s[-1]), turn_rad, causal=causal, usual_s=usual_s)
+    further = flight.fixes[1:] if flight.observations is None else ()
+    also_s = [np.empty(0), *(one.t_s for one in (*further, *flight.baselines))]
+    new_s = np.unique(np.concatenate(also_s))
+    new_s = new_s[~nearest(times_s, new_s)[1]]
+    times_s = np.union1d(times_s, new_s[np.diff(new_s, prepend=-np.inf) > SAME_S])
+    # Nothing is measured between epochs before the first of a record, and a window that begins
+    # there is held for one without a heading.
+    first_s = epochs_s[epochs_s >= imu.t_s[0]].min(initial=np.inf)
     return np.asarray(times_s[(times_s >= first_s) | np.isin(times_s, epochs_s)])
 
 
-def _float_arcs(
-    start: Alignment, settings: ProblemSettings, requested: tuple[Parameter, ...]
-) -> tuple[Alignment, FloatArcs]:
-    """Add attitudes of epochs without integers, unless causal or the array's shape is estimated."""
-    if settings.causal or any(one.name.startswith("antenna ") for one in requested):
-        return start, FloatArcs(stretch=np.full(len(start.t_s), -1, dtype=np.int64), count=0)
-    start, float_arcs = with_float_arcs(start, settings.false_alarm)
-    if not float_arcs.count:
-        return start, float_arcs
-    R_nb = interpolated_attitudes(start.t_s, start.R_nb, start.valid)
-    return replace(start, R_nb=R_nb), float_arcs
+def _turns_rad(epochs: Alignment) -> FloatArray | None:
+    """Return the angles from epoch to epoch of a body without a gyroscope; NaN where unknown."""
+    if len(epochs.t_s) < 2:
+        return None
+    R_nu = epochs.R_nu  # a spin may be half a turn from one epoch to the next
+    turn_rad = np.linalg.norm(log(transpose(R_nu[:-1]) @ R_nu[1:]), axis=1)
+    turn_rad[~(epochs.valid[1:] & epochs.valid[:-1])] = np.nan
+    if epochs.rotation is not None:
+        spin_radps = np.linalg.norm(epochs.rotation.rates(epochs.t_s), axis=1)
+        turn_rad = np.nan_to_num(turn_rad) + spin_radps[1:] * np.diff(epochs.t_s)
+    return np.asarray(turn_rad)
 
 
 def tracked(flight: Flight, stage: Aligned) -> Tracked:
@@ -262,7 +257,7 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
     if position is None or not position.valid.any():
         raise NoSolutionError("position: neither code observations nor fixes at keyframes")
     # Gravity minds no jumps of 100 m.
-    places_n_m = interpolated(t_s, position.value, causal=causal)
+    places_n_m = _interpolated(t_s, position.value, causal=causal)
     gravity_n_mps2 = flight.origin.gravity_n_mps2(places_n_m)
     untested = (stage.away_s > LONGEST_GAP_S) | record.overlaps(t_s)
     if causal:
@@ -278,61 +273,30 @@ def tracked(flight: Flight, stage: Aligned) -> Tracked:
         attitude_sigma_rad=stage.carried_sigma_rad,
         causal=causal,
     )
-    positions = {} if antenna.phases else dict(antenna.positions)
-    velocities = dict(antenna.velocities)
-    tested = {
-        name: gated(inertial, (positions.get(name), velocities.get(name)), name)
-        for name in dict.fromkeys((*positions, *velocities))
-    }
-    placed, moved = (
-        tuple((name, one) for name, gate in tested.items() if (one := part(gate)) is not None)
-        for part in (attrgetter("position"), attrgetter("velocity"))
-    )
-    positions_left = antenna.positions if antenna.phases else placed
-    antenna = replace(antenna, positions=positions_left, velocities=moved)
-    return Tracked(
-        t_s,
-        antenna,
-        places_n_m,
-        gravity_n_mps2,
-        tuple(rejection for gate in tested.values() for rejection in gate.rejections),
-        tuple(one for gate in tested.values() for one in gate.unused),
-    )
+    return Tracked(t_s, places_n_m, gravity_n_mps2, *gated(inertial, antenna))
 
 
-def moves_about(stage: Aligned, track: Tracked, R_nb: FloatArray) -> tuple[FloatArray, FloatArray]:
+def approximate_motion(
+    stage: Aligned, track: Tracked, R_nb: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return places and velocities of the accelerometer, (n, 3) each, if its attitudes are R_nb."""
     position = track.antenna.position
     p_n_m = track.places_n_m - R_nb @ (0.0 if position is None else position.arm_b_m)
     v_n_mps = np.zeros_like(p_n_m) if stage.causal else np.gradient(p_n_m, track.t_s, axis=0)
-    for _, velocity in track.antenna.velocities[:1]:
+    for velocity in track.antenna.velocities[:1]:
         if not velocity.valid.any():
             continue
-        at_antenna = interpolated(track.t_s, velocity.value, causal=stage.causal)
+        at_antenna = _interpolated(track.t_s, velocity.value, causal=stage.causal)
         v_n_mps = at_antenna - swing_n_mps(R_nb, stage.rates, velocity.arm_b_m)
     return p_n_m, v_n_mps
 
 
-def interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool = False) -> FloatArray:
+def _interpolated(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray:
     """Return values, (n, d), where rows are NaN from their neighbours; causal: the last one's."""
-    valid = np.isfinite(values).all(axis=1)
+    valid = np.asarray(np.isfinite(values).all(axis=1))
     if causal:
-        last = np.maximum.accumulate(np.where(valid, np.arange(len(t_s)), int(valid.argmax())))
-        return np.asarray(values[last])
+        return zero_order_hold(t_s, values, valid)
     return interpolate(t_s, t_s[valid], values[valid])
-
-
-def kept(
-    start: Alignment, covered: BoolArray, early: BoolArray
-) -> tuple[Alignment, tuple[Unused, ...]]:
-    """Return the keyframes that are covered and not early, and why others are left out."""
-    reasons = {
-        ("epoch", "not covered by the accelerometer's record"): ~covered,
-        ("epoch", "before the first attitude"): early,
-        ("array phases of an epoch", "residuals fail the chi-square test"): covered & start.refused,
-    }
-    unused = unused_of({reason: int(lost.sum()) for reason, lost in reasons.items()})
-    return start[np.flatnonzero(covered & ~early)], unused
 
 
 def reason_without_attitude(imu: Imu, start: Alignment, covered: BoolArray) -> str:

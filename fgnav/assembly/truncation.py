@@ -10,9 +10,8 @@ import numpy as np
 
 from fgnav.checks import BoolArray
 from fgnav.types.flight import Flight
-from fgnav.types.observations import Observations
+from fgnav.types.observations import BY_EPOCH, Observations
 
-BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 BY_CHANNEL = ("code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
 

@@ -167,13 +167,22 @@ class RotationQuadratic:
                 "array: phases of some epochs have no finite weight; see what fgnav check says of "
                 "antennas and noise"
             )
-        values, vectors = np.linalg.eigh(self.information)
-        observable = values > _NOTHING * values[:, -1:]
-        root = np.sqrt(np.where(observable, values, 0.0))
-        inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
-        across = vectors.swapaxes(1, 2)
-        minimum = vectors @ (inverse[:, :, None] * (across @ self.vector[:, :, None]))
-        return root[:, :, None] * across, minimum.reshape(-1, 3, 3)
+        root, minimum = square_root(self.information, self.vector)
+        return root, minimum.reshape(-1, 3, 3)
+
+
+def square_root(information: FloatArray, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return W, (n, d, d), and m, (n, d), of forms ``|W (x - m)|^2 / 2`` plus a constant.
+
+    Directions of which an epoch says nothing have rows of zeros.
+    """
+    values, vectors = np.linalg.eigh(information)
+    observable = values > _NOTHING * values[:, -1:]
+    root = np.sqrt(np.where(observable, values, 0.0))
+    inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
+    across = vectors.swapaxes(1, 2)
+    minimum = vectors @ (inverse[:, :, None] * (across @ vector[:, :, None]))
+    return root[:, :, None] * across, minimum[:, :, 0]
 
 
 def tangent_jacobian(R_nb: FloatArray) -> FloatArray:

@@ -1,7 +1,6 @@
 """A campaign from its order to its tables."""
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -9,20 +8,19 @@ from pathlib import Path
 from fgnav.campaign.engines import DIED, Engine
 from fgnav.campaign.fly import Record, check_order, failed, fly
 from fgnav.campaign.folder import Folder
-from fgnav.campaign.order import Order
+from fgnav.campaign.order import Order, Run
 from fgnav.campaign.report import write_report
-from fgnav.campaign.runs import Run
 from fgnav.campaign.tables import write_tables
 from fgnav.checks import BadInputError, Unused
 from fgnav.evaluation.report.parts import Report
+from fgnav.progress import report
 
-Watch = Callable[[int, int], None]
 _KINDS = 5  # of failures that are named
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What became of a campaign."""
+    """Outcome of a campaign."""
 
     # asked, kept, flown: runs of the order, those with a file now, those flown by this call
     asked: int
@@ -34,14 +32,7 @@ class Outcome:
     files: tuple[Path, ...] = field(default=())
 
 
-def conduct(
-    order: Order,
-    out: Path,
-    engine: Engine,
-    *,
-    resume: bool = False,
-    watch: Watch = lambda _done, _asked: None,
-) -> Outcome:
+def conduct(order: Order, out: Path, engine: Engine, *, resume: bool = False) -> Outcome:
     """Fly all runs of an order that are not there yet; write their files, tables and report.
 
     Parameters
@@ -50,8 +41,6 @@ def conduct(
         Folder for all that.
     resume : bool
         Whether to go on where an earlier call stopped.
-    watch : callable
-        Told how many runs are done, and of how many.
 
     Raises
     ------
@@ -61,33 +50,26 @@ def conduct(
     check_order(order)
     folder = Folder(out, order, resume=resume)
     todo = folder.missing()
-    asked = len(order_runs(order))
     flown, unwritten = 0, Counter[str]()
-    watch(asked - len(todo), asked)
     for run, record in engine(partial(_fly, order), todo, partial(_lost, order)):
         flown += 1
         try:
             folder.keep(run, record)
         except BadInputError as error:
             unwritten[str(error).partition(": ")[2]] += 1
-        watch(asked - len(todo) + flown, asked)
+        report(1.0 - (len(todo) - flown) / order.count)
     files = write_tables(order, folder, out)
-    text, report = write_report(order, folder, out)
+    text, page = write_report(order, folder, out)
     failures = Counter(record["failure"] for record in folder)
     return Outcome(
-        asked=asked,
+        asked=order.count,
         kept=failures.total(),
         flown=flown,
         unused=(*_failures(failures), *_unused("run not kept", unwritten)),
         text=text,
-        report=report,
+        report=page,
         files=files,
     )
-
-
-def order_runs(order: Order) -> range:
-    """Return the numbers of all runs."""
-    return range(order.flights * sum(case.columns for case in order.case))
 
 
 def _fly(order: Order, run: Run) -> tuple[Run, Record]:
@@ -105,5 +87,7 @@ def _failures(counted: "Counter[str | None]") -> tuple[Unused, ...]:
 
 def _unused(what: str, reasons: "Counter[str]") -> tuple[Unused, ...]:
     named = [Unused(what=what, reason=why, count=n) for why, n in reasons.most_common(_KINDS)]
-    rest = sum(reasons.values()) - sum(one.count for one in named)
-    return (*named, Unused(what=what, reason="other reasons", count=rest)) if rest else tuple(named)
+    others = sum(reasons.values()) - sum(loss.count for loss in named)
+    if others:
+        named.append(Unused(what=what, reason="other reasons", count=others))
+    return tuple(named)

@@ -1,4 +1,4 @@
-"""Who works runs off: processes on this machine, or a dask cluster that is there already.
+"""Execution of runs: processes on this machine, or a dask cluster that is there already.
 
 Both take a function and arguments and yield results as they come. A worker that dies takes nothing
 with it but the run it was at, which is tried again; a run that kills three is given up.
@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
 from itertools import islice
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
@@ -32,7 +33,7 @@ _ONE_THREAD = dict.fromkeys(
 
 
 class Engine(Protocol):
-    """What turns tasks into results, in whatever order they come."""
+    """Function from tasks to results, in whatever order they come."""
 
     def __call__(
         self, work: Callable[[T], R], tasks: Iterable[T], lost: Callable[[T], R]
@@ -59,67 +60,40 @@ class Local:
         self, work: Callable[[T], R], tasks: Iterable[T], lost: Callable[[T], R]
     ) -> Iterator[R]:
         """Yield results; see ``Engine``."""
-        waiting, suspects = iter(tasks), deque[tuple[T, int]]()
-        running: dict[Future[R], tuple[T, int]] = {}
-        pool = self._pool()
-        try:
-            while True:
-                # Which run killed a worker is not known: those that were under way go on singly.
-                room = (0 if running else 1) if suspects else _AHEAD * self._workers - len(running)
-                entering = [suspects.popleft()] if suspects and room else []
-                if not suspects and not entering:
-                    entering = [(task, 1) for task in islice(waiting, max(room, 0))]
-                suspects += _submitted(pool, work, entering, running)
-                if not running:
-                    if not suspects:
-                        return
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    pool = self._pool()
-                died: list[tuple[T, int]] = []
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    task, tries = running.pop(future)
-                    try:
-                        yield future.result()
-                    except BrokenProcessPool:
-                        died.append((task, tries))
-                if died:
-                    died += running.values()
-                    running.clear()
-                    pool.shutdown(wait=False, cancel_futures=True)
-                    pool = self._pool()
-                for task, tries in died:
-                    if tries < _TRIES:
-                        suspects.append((task, tries + 1))
-                    else:
-                        yield lost(task)
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        waiting, alone = deque((task, 1) for task in tasks), deque[tuple[T, int]]()
+        while waiting or alone:
+            # Which run killed a worker is not known: those that were under way go on singly.
+            queue = deque([alone.popleft()]) if alone else waiting
+            running: dict[Future[R], tuple[T, int]] = {}
+            with self._pool() as pool, suppress(BrokenProcessPool):
+                while queue or running:
+                    while queue and len(running) < _AHEAD * self._workers:
+                        running[pool.submit(_under, os.getpid(), work, queue[0][0])] = queue[0]
+                        queue.popleft()
+                    for future in wait(running, return_when=FIRST_COMPLETED).done:
+                        result = future.result()
+                        del running[future]
+                        yield result
+            for task, tries in running.values():
+                if tries < _TRIES:
+                    alone.append((task, tries + 1))
+                else:
+                    yield lost(task)
 
-    def _pool(self) -> ProcessPoolExecutor:
+    @contextmanager
+    def _pool(self) -> Iterator[ProcessPoolExecutor]:
+        """Yield processes; whatever they are at is left when this ends."""
         os.environ.update({k: os.environ.get(k, v) for k, v in _ONE_THREAD.items()})
-        # Not forked: libraries that run threads do not survive it.
-        return ProcessPoolExecutor(
+        pool = ProcessPoolExecutor(
             self._workers,
-            mp_context=get_context("spawn"),
+            mp_context=get_context("spawn"),  # libraries that run threads do not survive a fork
             initializer=_end_with,
             initargs=(os.getpid(),),
         )
-
-
-def _submitted(
-    pool: ProcessPoolExecutor,
-    work: Callable[[T], R],
-    entering: list[tuple[T, int]],
-    running: dict[Future[R], tuple[T, int]],
-) -> list[tuple[T, int]]:
-    """Put runs under way; return those that a run which has killed its worker keeps out."""
-    for k, (task, tries) in enumerate(entering):
         try:
-            future = pool.submit(_under, os.getpid(), work, task)
-        except BrokenProcessPool:
-            return entering[k:]
-        running[future] = (task, tries)
-    return []
+            yield pool
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _under(parent: int, work: Callable[[T], R], task: T) -> R:
@@ -169,10 +143,10 @@ class Dask:
             waiting, running = iter(tasks), {}
 
             def submit(count: int) -> list[object]:
-                entering = list(islice(waiting, count))
+                batch = list(islice(waiting, count))
                 # Each run is asked for once: a key of its content would be looked up on the way.
-                futures = [client.submit(work, task, pure=False) for task in entering]
-                running.update({f.key: t for f, t in zip(futures, entering, strict=True)})
+                futures = [client.submit(work, task, pure=False) for task in batch]
+                running.update({f.key: t for f, t in zip(futures, batch, strict=True)})
                 return futures
 
             threads = max(1, sum(client.nthreads().values()))

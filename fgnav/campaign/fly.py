@@ -2,20 +2,52 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from importlib.metadata import entry_points
+from typing import Any, Protocol
 
 import numpy as np
 
-from fgnav.campaign.order import MethodTable, Order
-from fgnav.campaign.runs import Run, seed_of, start_shift_s
-from fgnav.campaign.sources import flight_source
+from fgnav.campaign.order import MethodTable, Order, Run, seed_of, start_shift_s
 from fgnav.checks import BadInputError, FgnavError
 from fgnav.types.estimate import Estimator
+from fgnav.types.flight import Flight
 
+GROUP = "fgnav.flight_sources"  # of entry points: the library knows no simulator
 Record = dict[str, Any]
 _TEXT = 200  # characters of a failure that are kept
+
+
+class FlightSource(Protocol):
+    """Simulator of flights whose truth is known."""
+
+    def check(self, scenario: str, changes: Mapping[str, Any]) -> None:
+        """Raise ``BadInputError`` unless a scenario, so changed, can be flown."""
+        ...
+
+    def fly(
+        self,
+        scenario: str,
+        changes: Mapping[str, Any],
+        start_shift_s: int,
+        rng: np.random.Generator,
+    ) -> Flight:
+        """Return a flight of it."""
+        ...
+
+
+def flight_source() -> FlightSource:
+    """Return the installed one.
+
+    Raises
+    ------
+    BadInputError
+        If there is none.
+    """
+    for entry in entry_points(group=GROUP):
+        source: FlightSource = entry.load()()
+        return source
+    raise BadInputError(f"no simulator is installed: nothing stands in entry-point group {GROUP}")
 
 
 def estimator_of(table: MethodTable) -> Estimator:
@@ -26,27 +58,22 @@ def estimator_of(table: MethodTable) -> Estimator:
     BadInputError
         Naming the table and what it asks that is not there.
     """
-    from fgnav.evaluation.ablation import restricted  # noqa: PLC0415
-    from fgnav.gravity import gravity_named  # noqa: PLC0415
-    from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import Options, method_named  # noqa: PLC0415
+    from fgnav.evaluation.ablation import restricted  # noqa: PLC0415  # lazy: brings methods
+    from fgnav.face import method  # noqa: PLC0415
 
     try:
-        options = Options(
-            gravity=None if table.gravity is None else gravity_named(table.gravity),
+        estimator = method(
+            table.method,
+            integers=table.integers,
+            gravity=table.gravity,
             calibrate=table.calibrate,
             factors=table.factors,
             causal=table.causal,
             lag_s=table.lag_s,
         )
-        estimator = method_named(table.method, resolver_named(table.integers), options)
-        if table.without:
-            return restricted(table.title, estimator, table.without)
+        return restricted(table.title, estimator, table.without)
     except BadInputError as error:
         raise BadInputError(f"[[method]] {table.title!r}: {error}") from None
-    if "name" in getattr(estimator, "__dataclass_fields__", ()):
-        return replace(estimator, name=table.title)  # type: ignore[type-var]  # it is one
-    return restricted(table.title, estimator, ())
 
 
 def check_order(order: Order) -> None:
@@ -63,7 +90,7 @@ def check_order(order: Order) -> None:
 
 
 def fly(order: Order, run: Run) -> Record:
-    """Return what every method made of one flight: plain types, NaN as None.
+    """Return the record of every method on one flight: plain types, NaN as None.
 
     A flight that cannot be made, and an error nobody foresaw, are a record of why.
     """
@@ -110,7 +137,7 @@ def _flown(order: Order, run: Run) -> Record:
             "figures": _plain(figures[m.name]),
             "converged": m.score.converged,
             "failure": None if m.score.failure is None else m.score.failure[:_TEXT],
-            "nis": {one.what: one.nis for one in m.score.consistency},
+            "nis": {test.what: test.nis for test in m.score.consistency},
             "seconds": m.score.seconds,
         }
         for m in comparison.methods

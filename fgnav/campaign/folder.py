@@ -1,4 +1,4 @@
-"""What a campaign leaves on disk: its order, and a file for each run, whole or not there."""
+"""Files of a campaign: its order, and one of each run, whole or not there."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,8 +6,7 @@ from typing import Any
 
 import msgspec
 
-from fgnav.campaign.order import Order
-from fgnav.campaign.runs import Run, runs_of
+from fgnav.campaign.order import Order, Run, runs_of
 from fgnav.checks import BadInputError
 from fgnav.io.atomic_write import made_folder, write_text
 

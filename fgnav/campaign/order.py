@@ -1,16 +1,20 @@
-"""What a campaign file may say: which flights, which methods, how often."""
+"""Format of a campaign file, and its flights, each with a seed of its own."""
 
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import numpy as np
 
 from fgnav.checks import BadInputError
 from fgnav.io.strict_toml import Table, as_table, read_toml
 
 _Name = Annotated[str, msgspec.Meta(pattern=r"^[^/\\\x00-\x1f]{1,80}$")]
+_DAY_S = 86_400
 _Flights = Annotated[int, msgspec.Meta(ge=1, le=10_000_000)]
 
 
@@ -31,7 +35,7 @@ class MethodTable(Table, frozen=True):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return self.name or self.method
 
 
@@ -52,7 +56,7 @@ class SweepTable(Table, frozen=True):
                 raise ValueError(f"keys.{key}: wants true or {len(self.values)} values")
 
     def changes(self, column: int) -> dict[str, Any]:
-        """Return what a column changes, by dotted key."""
+        """Return the values of a column by dotted key."""
         own = {k: self.values if v is True else v for k, v in self.keys.items()}
         return {key: values[column] for key, values in own.items() if not isinstance(values, bool)}
 
@@ -71,7 +75,7 @@ class CaseTable(Table, frozen=True):
 
     @property
     def title(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return f"{self.name}, {self.condition}" if self.condition else self.name
 
     @property
@@ -110,7 +114,7 @@ class Order(Table, frozen=True):
 
     @property
     def titles(self) -> list[str]:
-        """What tables call the methods, in order."""
+        """Names of the methods in tables, in order."""
         return [method.title for method in self.method]
 
     @property
@@ -119,11 +123,60 @@ class Order(Table, frozen=True):
         return self.baseline or self.titles[0]
 
     @property
+    def count(self) -> int:
+        """Number of flights of all cases and values."""
+        return self.flights * sum(case.columns for case in self.case)
+
+    @property
     def digest(self) -> str:
         """Sha256 of all that decides a run's figures but the number of flights."""
         content: Mapping[str, Any] = msgspec.to_builtins(self)
         decisive = {key: value for key, value in content.items() if key not in ("flights", "name")}
         return sha256(msgspec.json.encode(decisive, order="sorted")).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class Run:
+    """One flight of a campaign."""
+
+    # case, column, flight: places in the order; flights are numbered from 0 within case and column
+    case: int
+    column: int
+    flight: int
+
+    @property
+    def stem(self) -> str:
+        """Name of its file."""
+        return f"{self.case:03d}-{self.column:03d}-{self.flight:07d}"
+
+
+def runs_of(order: Order) -> Iterator[Run]:
+    """Yield all flights, a flight of every case and column before the next flight of any.
+
+    A campaign that is cut short then has some of everything.
+    """
+    for flight in range(order.flights):
+        for case, table in enumerate(order.case):
+            for column in range(table.columns):
+                yield Run(case=case, column=column, flight=flight)
+
+
+def seed_of(order: Order, run: Run) -> np.random.SeedSequence:
+    """Return the seed of a run's random numbers.
+
+    Named by the case's name, the flight's number and the root alone: columns of a sweep share
+    their draws, so that they differ by what is swept, and so do conditions; cases added later
+    change no other.
+    """
+    case = zlib.crc32(order.case[run.case].name.encode())
+    return np.random.SeedSequence(order.seed, spawn_key=(case, run.flight))
+
+
+def start_shift_s(case: CaseTable, seed: np.random.SeedSequence) -> int:
+    """Return by how many seconds a flight starts later than its scenario says."""
+    if not case.any_hour:
+        return 0
+    return int(np.random.default_rng(seed.spawn(1)[0]).integers(_DAY_S))
 
 
 def load_order(path: Path, *, flights: int | None = None) -> Order:

@@ -1,6 +1,5 @@
-"""What a campaign amounts to, as text: each figure with its interval, each method against one."""
+"""Report of a campaign: each figure with its interval, each method against one."""
 
-from array import array
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -30,7 +29,6 @@ from fgnav.evaluation.scores import EULER, finite_mean
 from fgnav.io.atomic_write import write_text
 
 REPORT, PAGE = "report.txt", "report.html"
-_WHOLE = "attitude_rmse_deg"
 _MATCHED = "matched_attitude_rmse_deg"
 _SUMMARY = (
     *("attitude_rmse_deg", "position_rmse_m", "velocity_rmse_mps", "attitude_nees"),
@@ -40,51 +38,29 @@ _WIDTH = 400  # letters of a table
 
 
 class Table:
-    """Figures of a campaign by case, column, flight and method: 8 bytes each, no more.
+    """Figures of a campaign by case: arrays of (flights, columns, methods, figures).
 
     Columns of a sweep share their random draws, flight by flight: intervals and tests are by
-    flight number, over all columns of which a flight is averaged first.
+    flight number, over all columns of which a flight is averaged first. NaN where a flight has not
+    been flown, or the method had no answer.
     """
 
     def __init__(self, order: Order, records: Iterable[Record]) -> None:
-        self._methods = order.titles
-        self._columns = [case.columns for case in order.case]
-        cases = [case.title for case in order.case]
-        flat: dict[tuple[int, int], array[float]] = {}
-        flights: dict[tuple[int, int], array[int]] = {}
+        cases, self._methods = [case.title for case in order.case], order.titles
+        size = len(self._methods), len(FIGURES)
+        self._of = [np.full((order.flights, c.columns, *size), np.nan) for c in order.case]
+        self.flown = [0] * len(cases)
         for record in records:
-            key = (cases.index(record["case"]), record["column"])
-            own = flat.setdefault(key, array("d"))
-            flights.setdefault(key, array("q")).append(record["flight"])
-            for method in self._methods:
+            case = cases.index(record["case"])
+            self.flown[case] += 1
+            for m, method in enumerate(self._methods):
                 figures = record["methods"].get(method, {}).get("figures", {})
-                values = (figures.get(name) for name in FIGURES)
-                own.extend(np.nan if value is None else value for value in values)
-        shape = (-1, len(self._methods), len(FIGURES))
-        self._of = {key: np.array(flat[key]).reshape(shape) for key in sorted(flat)}
-        self._flights = {key: np.array(flights[key]) for key in self._of}
-
-    def __len__(self) -> int:
-        """Return the number of records."""
-        return sum(map(len, self._of.values()))
-
-    def flown(self, case: int) -> int:
-        """Return the number of records of a case."""
-        return sum(len(v) for (c, _), v in self._flights.items() if c == case)
+                figures_of = self._of[case][record["flight"], record["column"], m]
+                figures_of[:] = [figures.get(name) for name in FIGURES]
 
     def figure(self, name: str, method: str, case: int) -> FloatArray:
-        """Return a figure of each flight and column of a case, (flights, columns).
-
-        NaN where a flight has not been flown, or the method had no answer.
-        """
-        m, k = self._methods.index(method), list(FIGURES).index(name)
-        own = {column: v for (c, column), v in self._flights.items() if c == case}
-        numbers = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *own.values()]))
-        values = np.full((len(numbers), self._columns[case]), np.nan)
-        for column, flights in own.items():
-            rows = np.searchsorted(numbers, flights)
-            values[rows, column] = self._of[case, column][:, m, k]
-        return values
+        """Return a figure of each flight and column of a case, (flights, columns)."""
+        return self._of[case][..., self._methods.index(method), list(FIGURES).index(name)]
 
 
 def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[str, Report]:
@@ -94,17 +70,17 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
     """
     table = Table(order, records)
     groups = _swept_alike(order)
-    head = paragraph(_head(order, len(table)))
+    head = paragraph(_head(order, sum(table.flown)))
     parts = [("summary", "Summary", head + _summaries(order, table))]
     for number, cases in enumerate(groups):
         swept, tables, charts = _sweep(order, table, cases)
         parts.append((f"sweep-{number}", f"By {swept}", grid(charts) + tables))
-    whole = report(f"Campaign {order.name}", order.titles, parts)
-    lines = [line for part in whole.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
+    page = report(f"Campaign {order.name}", order.titles, parts)
+    lines = [line for part in page.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
     text = "\n".join([*lines[1:], ""])
     write_text(out / REPORT, text)
-    write(whole, out / PAGE)
-    return text, whole
+    write(page, out / PAGE)
+    return text, page
 
 
 def _summaries(order: Order, table: Table) -> Blocks:
@@ -123,9 +99,8 @@ def _summaries(order: Order, table: Table) -> Blocks:
 
 
 def _head(order: Order, count: int) -> str:
-    ordered = order.flights * sum(case.columns for case in order.case)
     return (
-        f"Campaign {order.name}: {count} of {ordered} flights, root seed {order.seed}. Figures "
+        f"Campaign {order.name}: {count} of {order.count} flights, root seed {order.seed}. Figures "
         "over flights with intervals of 95 % by bootstrap of flights; ratios of RMSE to "
         f"{order.reference!r} on the epochs that all methods answer; * where interval and "
         "signed-rank test exclude 1. Values of a sweep share their random numbers: the flight, "
@@ -139,19 +114,19 @@ def _summary(order: Order, table: Table, number: int) -> Iterator[list[str]]:
     baseline = table.figure(_MATCHED, order.reference, number)
     for title in order.titles:
         answered = np.nansum(table.figure("available", title, number))
-        share = 100 * float(answered) / max(table.flown(number), 1)
+        share = 100 * float(answered) / max(table.flown[number], 1)
         cells = [
             interval(_pooled(table.figure(name, title, number), rng, squared=FIGURES[name].is_rms))
             for name in _SUMMARY
         ]
         ratio = unpaired = ""
         if title != order.reference:
-            own = table.figure(_MATCHED, title, number)
-            both = np.isfinite(own) & np.isfinite(baseline)
-            first, second = (np.where(both, values, np.nan) for values in (own, baseline))
+            errors = table.figure(_MATCHED, title, number)
+            both = np.isfinite(errors) & np.isfinite(baseline)
+            first, second = (np.where(both, values, np.nan) for values in (errors, baseline))
             held = paired(_root_mean(first), _root_mean(second), rng)
             ratio = interval(held.ratio) + ("*" if held.is_significant else "")
-            only = int((np.isfinite(own) ^ np.isfinite(baseline)).sum())
+            only = int((np.isfinite(errors) ^ np.isfinite(baseline)).sum())
             unpaired = f"{only} flights" if only else ""
         yield [title, f"{share:.1f} %", *cells, ratio, unpaired]
 
@@ -167,7 +142,7 @@ def _swept_alike(order: Order) -> list[list[int]]:
 
 
 def _sweep(order: Order, table: Table, cases: list[int]) -> tuple[str, Blocks, list[Chart]]:
-    """Return what was swept; a table for each angle, values from left to right; their charts.
+    """Return the name of the sweep, a table for each angle, and their charts.
 
     A row for each method and case, then their average; last what methods amount to over all
     angles, values and cases.
@@ -209,15 +184,13 @@ def _overall(order: Order, table: Table, cases: list[int]) -> Iterator[list[str]
         return np.asarray(np.concatenate(figures, axis=1).mean(axis=1))  # NaN where one is missing
 
     rng = np.random.default_rng([BOOTSTRAP_SEED, *cases])
-    if len({len(table.figure(_WHOLE, order.reference, number)) for number in cases}) > 1:
-        return  # flights of one of them are still to come
     baseline = means(order.reference)
     for title in order.titles:
-        own = means(title)
-        held = paired(own, baseline, rng)
+        errors = means(title)
+        held = paired(errors, baseline, rng)
         ratio = "" if title == order.reference else interval(held.ratio)
         mark = "*" if ratio and held.is_significant else ""
-        yield [title, interval(pooled(own, rng, squared=False)), ratio + mark]
+        yield [title, interval(pooled(errors, rng, squared=False)), ratio + mark]
 
 
 def _pooled(values: FloatArray, rng: np.random.Generator, *, squared: bool) -> Interval:

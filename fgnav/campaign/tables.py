@@ -64,14 +64,17 @@ def write_tables(order: Order, records: Iterable[Record], out: Path) -> tuple[Pa
     schema = pyarrow.schema([(name, kinds.get(name, pyarrow.float64())) for name in COLUMNS])
     files.append(out / "flights.parquet")
     rows = rows_of(order, records)
-    with atomic_file(files[-1]) as part, parquet.ParquetWriter(part, schema) as writer:
+    with atomic_file(files[-1]) as unfinished, parquet.ParquetWriter(unfinished, schema) as writer:
         while some := list(islice(rows, _BATCH)):
             writer.write_table(pyarrow.Table.from_pylist(some, schema=schema))
     return tuple(files)
 
 
 def _write_csv(path: Path, columns: Sequence[str], rows: Iterator[list[Any]]) -> None:
-    with atomic_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+    with (
+        atomic_file(path) as unfinished,
+        unfinished.open("w", encoding="utf-8", newline="") as file,
+    ):
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(["" if value is None else value for value in row] for row in rows)

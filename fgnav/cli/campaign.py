@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from fgnav.terminal import counting, show_report
+from fgnav.terminal import progress, show_report
 
 
 def campaign(
@@ -58,8 +58,8 @@ def campaign(
     check_report(report)
     engine = Dask(scheduler) if scheduler is not None else Local(workers or _cores())
     what = load_order(file_or_shipped(order, "fgnav_sim", "campaigns"), flights=flights)
-    with counting(what.name) as watch:
-        outcome = conduct(what, out, engine, resume=resume, watch=watch)
+    with progress(1) as step, step(f"{what.name}, {what.count} flights"):
+        outcome = conduct(what, out, engine, resume=resume)
     print(outcome.text, end="")
     if report is not None:
         show_report(write(outcome.report, report))

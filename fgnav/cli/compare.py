@@ -1,10 +1,11 @@
 """The command ``fgnav compare``."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fgnav.cli.arguments.estimators import (
-    Span,
     ablated,
     compare_flight,
     compare_folders,
@@ -23,11 +24,11 @@ from fgnav.cli.arguments.options import (
 from fgnav.cli.arguments.written import fail_if_inconsistent, write_method
 from fgnav.integers.resolvers.registry import DEFAULT
 from fgnav.json_file import JsonFile, write_json
-from fgnav.terminal import check_outputs, show_comparison, show_lines, show_report, width
+from fgnav.terminal import check_outputs, show_blocks, show_comparison, show_lines, show_report
 
 if TYPE_CHECKING:
     from fgnav.evaluation.comparison import Comparison
-    from fgnav.types.estimate import Estimator
+    from fgnav.evaluation.flights import FlightsComparison
     from fgnav.types.flight import Flight
 
 _DEFAULT_METHODS = "closed-form,maximum-likelihood,smoother,batch,rtk"
@@ -62,8 +63,10 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
         Folder for the estimates of one flight, in one of its own by each method's name, as run
         writes them.
     """
-    from fgnav.checks import BadInputError  # noqa: PLC0415
-    from fgnav.evaluation.report.save import check_report  # noqa: PLC0415
+    from fgnav.checks import BadInputError, NoSolutionError  # noqa: PLC0415  # lazy, like all below
+    from fgnav.evaluation.report.contents import comparison_report, source_of  # noqa: PLC0415
+    from fgnav.evaluation.report.flights import flights_report, on_screen  # noqa: PLC0415
+    from fgnav.evaluation.report.save import check_report, write  # noqa: PLC0415
 
     if not flights:
         raise BadInputError("compare: requires an argument: a flight, or several")
@@ -75,40 +78,30 @@ def compare(  # noqa: PLR0913  # a command has as many options as it takes
     estimators += ablated(method, integers, smoother, without) if without else []
     for folder in folders:
         check_outputs(folder, json, report=report)
-        for place in (out / one.name for one in estimators) if out is not None else ():
-            check_outputs(folder, folder=place)
+        for estimator in estimators:
+            check_outputs(folder, folder=None if out is None else out / estimator.name)
     check_report(report)
+    comparison: Comparison | FlightsComparison
+    estimates: Callable[[], list[str]] = list
     if len(folders) > 1:
-        _several(folders, estimators, span, json, report, strict=smoother.strict)
+        comparison = several = compare_folders(folders, estimators, span)
+        show, report_of = partial(show_blocks, on_screen(several)), partial(flights_report, several)
     else:
-        comparison = _one(folders[0], estimators, span, out, json, report)
-        fail_if_inconsistent(comparison, strict=smoother.strict)
-
-
-def _one(
-    flight: Path,
-    estimators: "list[Estimator]",
-    span: Span,
-    out: Path | None,
-    json: str | None,
-    report: Path | None,
-) -> "Comparison":
-    from fgnav.checks import NoSolutionError  # noqa: PLC0415
-    from fgnav.evaluation.report.save import save_report  # noqa: PLC0415
-
-    data, comparison = compare_flight(flight, estimators, span)
+        data, comparison = compare_flight(folders[0], estimators, span)
+        show = partial(show_comparison, comparison)
+        report_of = partial(comparison_report, comparison, data, **source_of(folders[0]))
+        estimates = list if out is None else partial(_written, comparison, data, out)
     write_json(json, comparison.to_dict())
     if json != "-":
-        show_comparison(comparison)
-    if not comparison.solved:
-        failures = "; ".join(f"{m.name}: {m.score.failure}" for m in comparison.methods)
-        raise NoSolutionError(f"no method has a solution: {failures}")
-    written = [] if out is None else _written(comparison, data, out)
-    files = save_report(comparison, data, report, flight)
+        show()
+    if comparison.failure is not None:
+        raise NoSolutionError(comparison.failure)
+    written = estimates()
+    files = [] if report is None else write(report_of(), report)
     if json != "-":
         show_lines(written)
         show_report(files)
-    return comparison
+    fail_if_inconsistent(comparison, strict=smoother.strict)
 
 
 def _written(comparison: "Comparison", data: "Flight", out: Path) -> list[str]:
@@ -122,38 +115,3 @@ def _written(comparison: "Comparison", data: "Flight", out: Path) -> list[str]:
         except NoSolutionError as error:
             lines.append(str(error))
     return lines
-
-
-def _several(
-    folders: list[Path],
-    estimators: "list[Estimator]",
-    span: Span,
-    json: str | None,
-    report: Path | None,
-    *,
-    strict: bool,
-) -> None:
-    from fgnav.checks import NoSolutionError  # noqa: PLC0415
-    from fgnav.evaluation.report.flights import on_screen  # noqa: PLC0415
-    from fgnav.evaluation.report.save import save_flights_report  # noqa: PLC0415
-    from fgnav.evaluation.report.text import text_lines  # noqa: PLC0415
-
-    comparison = compare_folders(folders, estimators, span)
-    write_json(json, comparison.to_dict())
-    if json != "-":
-        print("\n".join(text_lines(on_screen(comparison), width())))
-    if not any(one.figures for one in comparison.flights):
-        why = comparison.flights[0].failure or "; ".join(comparison.flights[0].failures.values())
-        raise NoSolutionError(f"no method has a solution of any flight, of the first: {why}")
-    files = save_flights_report(comparison, report)
-    if json != "-":
-        show_report(files)
-    inconsistent = [
-        one.flight
-        for one in comparison.flights
-        if any(method.get("verdicts") for method in one.detail.get("methods", {}).values())
-    ]
-    if strict and inconsistent:
-        raise NoSolutionError(
-            f"--strict: measurements contradict each other: {', '.join(inconsistent)}"
-        )

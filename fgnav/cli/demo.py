@@ -34,22 +34,22 @@ def demo(folder: Path | None = None, /) -> None:
 
     if folder is not None and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInputError(f"{folder}: must be a new or an empty folder")
-    place = Path(tempfile.mkdtemp(prefix="fgnav-demo-")) if folder is None else folder
-    flight = str(place / "flight")
-    figures = ["--json", str(place / "compare.json"), "--report", str(place / "report.html")]
-    place.mkdir(parents=True, exist_ok=True)
+    target = Path(tempfile.mkdtemp(prefix="fgnav-demo-")) if folder is None else folder
+    flight = str(target / "flight")
+    figures = ["--json", str(target / "compare.json"), "--report", str(target / "report.html")]
+    target.mkdir(parents=True, exist_ok=True)
     # The flight states its own noise right, and LAMBDA finds the integers that the default resolver
     # finds: identifying noise and searching under the array's shape would only take longer.
     simple = ["--noise", "nominal", "--integers", "lambda", "--factors", "gravity"]
     kinds = ["--without", "baselines,gravity,line-of-sight,vehicle"]
     for words in (
         ["simulate", "paper", "--seed", "1", "--out", flight],
-        ["compare", flight, "--method", METHODS, *simple, "--out", str(place), *figures],
+        ["compare", flight, "--method", METHODS, *simple, "--out", str(target), *figures],
     ):
         print(f"\n$ fgnav {shlex.join(words)}", flush=True)
         run(words)
     next_words = shlex.join(["compare", flight, "--method", "smoother", *kinds, *simple])
-    print(f"\nAll of it is in {place}; report.html shows it.")
+    print(f"\nAll of it is in {target}; report.html shows it.")
     print(f"What each kind of factor is worth, half a minute more:\n$ fgnav {next_words}")
 
 

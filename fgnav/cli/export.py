@@ -35,8 +35,8 @@ def export(
     write = exporter_named(format)
     file = estimate / FILE if estimate.is_dir() else estimate
     suffix = format if format != "csv" else "full.csv"  # run's own is estimate.csv
-    place = file.with_suffix(f".{suffix}") if out is None else out
-    check_place(place)
+    target = file.with_suffix(f".{suffix}") if out is None else out
+    check_place(target)
     recorded = load_estimate(file)
-    write(recorded, place)
-    show_lines([f"{recorded.estimate.method}: {len(recorded.estimate.t_s)} epochs in {place}"])
+    write(recorded, target)
+    show_lines([f"{recorded.estimate.method}: {len(recorded.estimate.t_s)} epochs in {target}"])

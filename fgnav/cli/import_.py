@@ -21,7 +21,7 @@ FORMATS = (
 
 def unused_lines(unused: "Sequence[Unused]") -> list[str]:
     """Return a line for everything that files hold and the flight has not."""
-    return [f"not used: {one.count} × {one.what}: {one.reason}" for one in unused]
+    return [f"not used: {loss.count} × {loss.what}: {loss.reason}" for loss in unused]
 
 
 def import_(
@@ -50,12 +50,12 @@ def import_(
     from fgnav.io.flight.writer import check_empty  # noqa: PLC0415
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import assemble, write  # noqa: PLC0415
-    from fgnav.io.importers.recognise import recognised  # noqa: PLC0415
+    from fgnav.io.importers.recognise import recognise_format  # noqa: PLC0415
     from fgnav.io.importers.settings import read_settings  # noqa: PLC0415
 
     if not recordings:
         raise BadInputError("recordings: name a file to import, or several")
-    stated = read_settings(settings)
+    given = read_settings(settings)
     check_empty(out)
     check_places(json)
     with (
@@ -63,12 +63,12 @@ def import_(
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
         imported = []
-        for one in recordings:
-            name, file = recognised(one, Path(scratch), format)
-            with step(f"reading {one}"):
-                imported.append(importer_named(name)(file, stated, Path(scratch)))
+        for recording in recordings:
+            name, file = recognise_format(recording, Path(scratch), format)
+            with step(f"reading {recording}"):
+                imported.append(importer_named(name)(file, given, Path(scratch)))
         with step(f"writing {out}"):
-            assembled = assemble(imported, stated)
+            assembled = assemble(imported, given)
             gnss, files = assembled.table.gnss, assembled.files
             write(assembled, out, verify=not files or bool(gnss.navigation or gnss.orbits))
     flight, unused = assembled.table.name, [asdict(loss) for loss in assembled.unused]

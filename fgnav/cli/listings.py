@@ -36,11 +36,13 @@ def factors(*, json: JsonFile = None) -> None:
 
     from fgnav.graph import factors as room  # noqa: PLC0415
 
-    modules = {one.name: f"{room.__name__}.{one.name}" for one in iter_modules(room.__path__)}
+    modules = {
+        module.name: f"{room.__name__}.{module.name}" for module in iter_modules(room.__path__)
+    }
     built_in = {
         name: module
         for name, module in modules.items()
-        if any(hasattr(part, "factor") for part in vars(import_module(module)).values())
+        if any(hasattr(member, "factor") for member in vars(import_module(module)).values())
     }
     _show("fgnav.factors", built_in, json)
 

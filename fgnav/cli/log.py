@@ -43,7 +43,7 @@ def logged(words: Sequence[str]) -> Iterator[list[str]]:
     parser.add_argument("--log")
     handlers: list[logging.Handler] = [_StandardError()]
     try:
-        options, rest = parser.parse_known_args(words)
+        options, others = parser.parse_known_args(words)
     except ArgumentError as error:
         raise BadInputError(f"--{str(error).partition('--')[2]}") from None
     try:
@@ -62,8 +62,8 @@ def logged(words: Sequence[str]) -> Iterator[list[str]]:
         logger.addHandler(handler)
     try:
         if options.log is not None:
-            logger.info("fgnav %s", " ".join(rest))
-        yield rest
+            logger.info("fgnav %s", " ".join(others))
+        yield others
     finally:
         logger.level, logger.propagate = before
         for handler in handlers:

@@ -39,8 +39,8 @@ def new(
     from fgnav.io.importers import importer_named  # noqa: PLC0415
     from fgnav.io.importers.assemble import SETTINGS_NAME, assemble, write  # noqa: PLC0415
     from fgnav.io.importers.comments import comments  # noqa: PLC0415
-    from fgnav.io.importers.guess import guessed  # noqa: PLC0415
-    from fgnav.io.importers.recognise import UnknownFormatError, recognised  # noqa: PLC0415
+    from fgnav.io.importers.guess import guess_table  # noqa: PLC0415
+    from fgnav.io.importers.recognise import UnknownFormatError, recognise_format  # noqa: PLC0415
     from fgnav.io.importers.settings import Settings  # noqa: PLC0415
 
     if not recordings:
@@ -52,35 +52,35 @@ def new(
         progress(len(recordings) + 1) as step,
         TemporaryDirectory(prefix="fgnav-") as scratch,
     ):
-        for one in recordings:
+        for recording in recordings:
             try:
-                files[one] = recognised(one, Path(scratch), format)
+                files[recording] = recognise_format(recording, Path(scratch), format)
             except UnknownFormatError as error:
                 passed_over.append(error)
         if not files:
             raise passed_over[0]
-        tables = tuple(guessed(file) for name, file in files.values() if name == "csv")
+        tables = tuple(guess_table(file) for name, file in files.values() if name == "csv")
         settings = Settings(csv=tables)
-        found = []
-        for one, (name, file) in files.items():
-            with step(f"reading {one}"):
-                found.append(importer_named(name)(file, settings, Path(scratch)))
+        imported = []
+        for recording, (name, file) in files.items():
+            with step(f"reading {recording}"):
+                imported.append(importer_named(name)(file, settings, Path(scratch)))
         with step(f"writing {out}"):
-            assembled = assemble(found, settings)
+            assembled = assemble(imported, settings)
             texts = comments(assembled)
             write(
                 assembled, out, verify=False, comments=texts, settings=settings if tables else None
             )
     edits = {key: text.partition("EDIT")[2] for key, text in texts.items() if "EDIT" in text}
-    names = {str(one): name for one, (name, _) in files.items()}
+    names = {str(recording): name for recording, (name, _) in files.items()}
     unused = assembled.unused
     counted = [asdict(loss) for loss in unused]
     content = {"folder": str(out), "formats": names, "unused": counted, "edit": list(edits)}
     write_json(json, content)
     if json != "-":
-        lines = [f"{one}: {name}" for one, name in names.items()]
+        lines = [f"{recording}: {name}" for recording, name in names.items()]
         lines += [f"passed over: {str(error).partition(';')[0]}" for error in passed_over]
-        lines += [f"{one.file}: columns guessed, see {out / SETTINGS_NAME}" for one in tables]
+        lines += [f"{table.file}: columns guessed, see {out / SETTINGS_NAME}" for table in tables]
         lines += unused_lines(unused)
         lines += [f"edit {key}" for key in edits]
         show_lines([*lines, f"written to {out}; edit flight.toml there, then: fgnav check {out}"])

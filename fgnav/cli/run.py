@@ -53,7 +53,9 @@ def run(  # noqa: PLR0913  # a command has as many options as it takes
 
     check_outputs(flight, json, report=report, folder=out)
     check_report(report)
-    estimators = [at_times(one, at, rate) for one in estimators_named(method, integers, smoother)]
+    estimators = [
+        at_times(estimator, at, rate) for estimator in estimators_named(method, integers, smoother)
+    ]
     if len(estimators) > 1:
         raise BadInputError(f"--method {method}: run takes one method; compare takes several")
     data, comparison = compare_flight(flight, estimators)

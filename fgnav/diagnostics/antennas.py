@@ -7,7 +7,7 @@ agree to 2.4 times the nominal noise; of a wrong shape hardly any does.
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from fgnav.integers.array.search import search_constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
-from fgnav.types.observations import Observations
+from fgnav.types.observations import BY_EPOCH, Observations
 
 _FITS = 6.0  # squared residuals per degree of freedom: phase noise up to 2.4 times the nominal
 _NODES = 20_000  # of a search; of a wrong shape it finds nothing
@@ -55,22 +55,16 @@ class Exchange(NamedTuple):
 
     def corrected(self, flight: Flight) -> Flight:
         """Return a flight whose antennas have their own observations."""
-        seen = flight.observations
-        if seen is None:
+        observations = flight.observations
+        if observations is None:
             return flight
         order = np.arange(len(flight.antennas))
         order[list(self.pair)] = self.pair[::-1]
-        is_in, changed = (seen.t_s >= self.from_s) & (seen.t_s <= self.until_s), {}
-        for name, x in _by_antenna(seen, order).items():
-            where = is_in.reshape(-1, *[1] * (x.ndim - 1))
-            changed[name] = np.where(where, x, getattr(seen, name))
-        return replace(flight, observations=replace(seen, **changed))
-
-
-def _by_antenna(seen: Observations, order: IntArray) -> dict[str, Any]:
-    """Return fields of observations with antennas in another order, or some of them."""
-    names = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    return {name: getattr(seen, name)[:, order] for name in names}
+        is_in = (observations.t_s >= self.from_s) & (observations.t_s <= self.until_s)
+        changed = {name: getattr(observations, name).copy() for name in BY_EPOCH[1:]}
+        for values in changed.values():
+            values[is_in] = values[is_in][:, order]
+        return replace(flight, observations=replace(observations, **changed))
 
 
 def exchanged_antennas(
@@ -134,18 +128,19 @@ def _fits_shape(flight: Flight, differences: DoubleDifferences) -> BoolArray:
 
 def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding | None:
     """Return antennas that are exchanged or not at their places; None if epochs fit."""
-    part = differences[_spread(np.flatnonzero(differences.resolvable.any(axis=(1, 2))), _EPOCHS)]
-    fits, antennas, seen = _fits_shape(flight, part), flight.antennas, flight.observations
-    exchange = None if fits.all() else exchanged_antennas(flight, part, fits)
+    tested = differences[_spread(np.flatnonzero(differences.resolvable.any(axis=(1, 2))), _EPOCHS)]
+    fits, antennas, observations = _fits_shape(flight, tested), flight.antennas, flight.observations
+    exchange = None if fits.all() else exchanged_antennas(flight, tested, fits)
     if exchange is not None:
         mend = "exchange their observations or position_b_m"
         return Finding("antennas exchanged", exchange.message(flight), mend)
-    if seen is None or fits.all() or fits.mean() >= _WRONG:
+    if observations is None or fits.all() or fits.mean() >= _WRONG:
         return None
     evidence = f"{100 * fits.mean():.0f} % of {len(fits)} epochs fit the given places"
     every = range(len(antennas) if len(antennas) > 2 else 0)
     shares = [
-        (float(_fits_shape(flight, _without(flight, seen, part.t_s, a)).mean()), a) for a in every
+        (float(_fits_shape(flight, _without(flight, observations, tested.t_s, a)).mean()), a)
+        for a in every
     ]
     best, antenna = max(shares, default=(0.0, 0))
     if best < max(_RIGHT, 2 * fits.mean()):
@@ -158,22 +153,21 @@ def antenna_finding(flight: Flight, differences: DoubleDifferences) -> Finding |
 
 def _exchanges(differences: DoubleDifferences) -> _Shapes:
     """Yield each pair of antennas, and the differences of the array with it exchanged."""
-    places_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
-    for i, j in combinations(range(len(places_b_m)), 2):
-        places = places_b_m.copy()
-        places[[i, j]] = places[[j, i]]
-        yield (i, j), replace(differences, baselines_b_m=places[1:] - places[0])
+    positions_b_m = np.vstack([np.zeros(3), differences.baselines_b_m])
+    for i, j in combinations(range(len(positions_b_m)), 2):
+        positions = positions_b_m.copy()
+        positions[[i, j]] = positions[[j, i]]
+        yield (i, j), replace(differences, baselines_b_m=positions[1:] - positions[0])
 
 
 def _without(
-    flight: Flight, seen: Observations, t_s: FloatArray, antenna: int
+    flight: Flight, observations: Observations, t_s: FloatArray, antenna: int
 ) -> DoubleDifferences:
     """Return the differences of the other antennas at some epochs."""
     order = np.delete(np.arange(len(flight.antennas)), antenna)
     antennas = tuple(flight.antennas[k] for k in order)
-    part = seen[np.isin(seen.t_s, t_s)]
-    part = replace(part, **_by_antenna(part, order))
-    return double_differences(replace(flight, antennas=antennas, observations=part))
+    others = observations[np.isin(observations.t_s, t_s)].of_antennas(order)
+    return double_differences(replace(flight, antennas=antennas, observations=others))
 
 
 def _best_span(score: IntArray) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""Attitudes of an antenna array, and the gyroscope and photodetector against them."""
+"""Attitudes of an antenna array, and the photodetector against them."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation, RotationSpline
@@ -6,22 +6,20 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from fgnav.attitude.array import agreeing
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import FloatArray, NoSolutionError
-from fgnav.diagnostics.axes import named_axes, signed_permutations
-from fgnav.diagnostics.contents import SAMPLES, Finding
-from fgnav.geometry.interpolation import integral, interpolate
+from fgnav.diagnostics.contents import Finding
+from fgnav.geometry.interpolation import interpolate
 from fgnav.geometry.rotations import log, skew, transpose
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.photodetector import line_of_sight
 from fgnav.types.differences import DoubleDifferences
-from fgnav.types.flight import Fixes, Flight, Imu, Photodetector
+from fgnav.types.flight import Fixes, Flight, Photodetector
 
 _SURE = 0.999  # of right integers; their search needs no shape of the array, which may be wrong
-_MIN_EPOCHS, _MIN_SIGHTS = 20, 10
-_BETTER = 0.5  # share of the squares that another set-up leaves at most
+MIN_EPOCHS, _MIN_SIGHTS = 20, 10
 _RATE_SPAN_S, _RATE_RATIO = 0.4, 10.0  # of rates; variance of their changes over their noise
 _POSITION_M = 1.0  # sigma of a position by code
 _CAUSES = {"detector": (0.2, np.radians(1.0)), "landmark": (50.0, 5.0)}  # prior, notable; rad, m
-_SQUARES, _APART = 75.0, 9.0  # five sigma in each unknown; three between two causes
+_SQUARES, _SEPARATION = 75.0, 9.0  # five sigma in each unknown; three between two causes
 
 
 class ArrayAttitudes:
@@ -42,7 +40,7 @@ class ArrayAttitudes:
             raise NoSolutionError(f"the array leaves {' '.join(attitude.unobservable())} open")
         good = attitude.solved & attitude.consistent() & ~attitude.open_axis_b.any(axis=1)
         rows = np.flatnonzero(good & np.isin(differences.t_s, fixes.t_s))
-        if len(rows) < _MIN_EPOCHS:
+        if len(rows) < MIN_EPOCHS:
             raise NoSolutionError(f"{len(rows)} epochs have attitude, position and velocity")
         self.t_s, self.R_nb = differences.t_s[rows], attitude.R_nb[rows]
         self.covariance_rad2 = attitude.covariance_rad2[rows]
@@ -74,32 +72,6 @@ class ArrayAttitudes:
         return bool((change**2).sum(axis=1).mean() > 6 * _RATE_RATIO * self._rate_noise)
 
 
-def gyroscope_finding(imu: Imu, array: ArrayAttitudes) -> Finding | None:
-    """Return unit or axes by which the gyroscope's rotations fit those of the array."""
-    t_s, rate_hz = array.t_s, 1.0 / float(np.median(np.diff(imu.t_s)))
-    covered = (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
-    if imu.w_b_radps is None or covered.sum() < _MIN_EPOCHS:
-        return None
-    angles = interpolate(t_s, imu.t_s, integral(imu.t_s, imu.w_b_radps))
-    by_gyro, by_array = np.diff(angles, axis=0)[covered], array.rotations()[covered]
-    units = {"": 1.0, "in degrees per second": np.pi / 180, "increments": rate_hz}
-    left = {
-        (unit, k): float(((by_array - factor * by_gyro @ M.T) ** 2).sum())
-        for unit, factor in units.items()
-        for k, M in enumerate(signed_permutations())
-    }
-    (unit, k), least = min(left.items(), key=lambda item: item[1])
-    if (unit, k) == ("", 0) or least > _BETTER * left["", 0]:
-        return None
-    names = named_axes(signed_permutations()[k], ("wx", "wy", "wz"))
-    text = (
-        f"{f'rates are {unit}' if unit else 'axes are exchanged or reversed'}: squares beside the "
-        f"array's rotations are {left['', 0] / max(least, 1e-300):.3g} times larger"
-    )
-    mend = f"multiply by {units[unit]:.6g}" if unit else f"wx, wy, wz should read {names}"
-    return Finding(f"gyroscope {'unit' if unit else 'axes'}", text, mend, SAMPLES, certain=True)
-
-
 def sight_finding(
     flight: Flight, photodetector: Photodetector, array: ArrayAttitudes
 ) -> Finding | None:
@@ -121,7 +93,7 @@ def sight_finding(
         return None
     (left, name, x), *others = sorted(causes, key=lambda cause: cause[0])
     text = _sight_text(name, x)
-    if others and others[0][0] - left < _APART * max(left / len(residual), 1.0):
+    if others and others[0][0] - left < _SEPARATION * max(left / len(residual), 1.0):
         text += f", or as well {_sight_text(*others[0][1:])}"
     text += f": residual squares are {square / max(left, 1.0):.3g} times larger as given"
     return Finding(f"photodetector {name}", text)
@@ -152,7 +124,7 @@ def _sight_equations(
     sigma = np.sqrt(variance + sight.sigma_rad**2 + (_POSITION_M / range_m) ** 2)
     residual = across @ (e_b - expected_b)[:, :, None]
     parts = (residual, by_rotation, across @ R_nb.swapaxes(1, 2) / range_m)
-    whitened = [(part / sigma).reshape(-1, part.shape[2]) for part in parts]
+    whitened = [(values / sigma).reshape(-1, values.shape[2]) for values in parts]
     return whitened[0][:, 0], whitened[1], whitened[2]
 
 

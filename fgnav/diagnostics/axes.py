@@ -12,6 +12,7 @@ from itertools import permutations, product
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.diagnostics.array import MIN_EPOCHS, ArrayAttitudes
 from fgnav.diagnostics.contents import SAMPLES, Finding
 from fgnav.diagnostics.track import (
     Motion,
@@ -22,10 +23,11 @@ from fgnav.diagnostics.track import (
     rotation_and_rates,
 )
 from fgnav.diagnostics.windows import fitted, is_better
-from fgnav.geometry.interpolation import corrected_integral
+from fgnav.geometry.interpolation import corrected_integral, integral, interpolate
 from fgnav.types.flight import Imu
 
 _FITTED = 24  # hypotheses
+_BETTER = 0.5  # share of the squares that another set-up of the gyroscope leaves at most
 _RATIO = 1.5  # of squares, at least: less may be a bias of the gyroscope
 
 
@@ -39,7 +41,9 @@ def signed_permutations() -> FloatArray:
 
 def named_axes(axes: FloatArray, names: tuple[str, str, str] = ("x", "y", "z")) -> str:
     """Return the names of the axes that a signed permutation reads."""
-    return ", ".join(f"{'-' if row.sum() < 0 else ''}{names[np.abs(row).argmax()]}" for row in axes)
+    return ", ".join(
+        f"{'-' if axis.sum() < 0 else ''}{names[np.abs(axis).argmax()]}" for axis in axes
+    )
 
 
 def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
@@ -68,13 +72,39 @@ def axes_finding(motion: Motion, offset_s: float) -> Finding | None:
         _, y, local = values.solved(moved, [by_bias], ridge, aligned=aligned)
         squares = fitted(y, local, np.zeros((*y.shape, 0)), ridge).squares
         fits.append((squares, _changes(rate, axes), rate, axes))
-    best = min(fits, key=lambda one: _level(one[0]))
+    best = min(fits, key=lambda fit: _level(fit[0]))
     if best is fits[0] or not is_better(fits[0][0], best[0], len(hypotheses)):
         return None
     equal = [fit for fit in fits[1:] if not is_better(fit[0], best[0])]
-    squares, _, rate, axes = min(equal, key=lambda one: (one[1], _level(one[0])))
+    squares, _, rate, axes = min(equal, key=lambda fit: (fit[1], _level(fit[0])))
     ratio = float(np.exp(_level(fits[0][0]) - _level(squares)))
     return _finding(rate, axes, imu, ratio) if ratio > _RATIO else None
+
+
+def gyroscope_finding(imu: Imu, array: ArrayAttitudes) -> Finding | None:
+    """Return unit or axes by which the gyroscope's rotations fit those of the array."""
+    t_s, rate_hz = array.t_s, 1.0 / float(np.median(np.diff(imu.t_s)))
+    covered = (t_s[:-1] >= imu.t_s[0]) & (t_s[1:] <= imu.t_s[-1])
+    if imu.w_b_radps is None or covered.sum() < MIN_EPOCHS:
+        return None
+    angles = interpolate(t_s, imu.t_s, integral(imu.t_s, imu.w_b_radps))
+    by_gyro, by_array = np.diff(angles, axis=0)[covered], array.rotations()[covered]
+    units = {"": 1.0, "in degrees per second": np.pi / 180, "increments": rate_hz}
+    left = {
+        (unit, k): float(((by_array - factor * by_gyro @ M.T) ** 2).sum())
+        for unit, factor in units.items()
+        for k, M in enumerate(signed_permutations())
+    }
+    (unit, k), best = min(left.items(), key=lambda item: item[1])
+    if (unit, k) == ("", 0) or best > _BETTER * left["", 0]:
+        return None
+    names = named_axes(signed_permutations()[k], ("wx", "wy", "wz"))
+    text = (
+        f"{f'rates are {unit}' if unit else 'axes are exchanged or reversed'}: squares beside the "
+        f"array's rotations are {left['', 0] / max(best, 1e-300):.3g} times larger"
+    )
+    mend = f"multiply by {units[unit]:.6g}" if unit else f"wx, wy, wz should read {names}"
+    return Finding(f"gyroscope {'unit' if unit else 'axes'}", text, mend, SAMPLES, certain=True)
 
 
 def _rates(imu: Imu) -> list[float]:
@@ -94,10 +124,10 @@ def _integrals(motion: Motion, imu: Imu, rate: float) -> FloatArray:
     parts = np.concatenate([force.reshape(len(R_sb), 3, 9), R_sb], axis=2)
     for _ in range(motion.series[-1].order):
         parts = corrected_integral(imu.t_s, parts)
-    swing_b = np.cross(w_b, motion.arm_b_m)
+    lever_b = np.cross(w_b, motion.arm_b_m)
     if motion.series[-1].order == 2:
-        swing_b = np.broadcast_to(motion.arm_b_m, w_b.shape)
-    return np.concatenate([parts, R_sb @ swing_b[..., None]], axis=2)
+        lever_b = np.broadcast_to(motion.arm_b_m, w_b.shape)
+    return np.concatenate([parts, R_sb @ lever_b[..., None]], axis=2)
 
 
 def _levels(values: WindowValues, inner: FloatArray, *, aligned: bool) -> list[float]:

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtri, stdtrit
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav.diagnostics import track
-from fgnav.diagnostics.track import Attitudes, Integrals, Motion, Series
+from fgnav.diagnostics.array import ArrayAttitudes
+from fgnav.diagnostics.track import Integrals, Motion, Series
 from fgnav.diagnostics.windows import MIN_WINDOWS, Windows, fitted, is_better, windows_of
 from fgnav.geometry.interpolation import corrected_integral, integral, interpolate_tensors
 from fgnav.types.flight import Imu
@@ -27,7 +27,7 @@ _STEP_S = 0.1  # of the search: a motion of a hertz has a valley of a tenth
 _OFFSETS_S = np.round(np.arange(-200, 201) * _STEP_S, 6)  # leap seconds lie within
 _COVERED = 0.25  # share of windows within the record at an offset that is tried
 _VALLEY_S = 2.0  # a wider one has no minimum to speak of
-_APART_S = 1.0  # between offsets that are not one valley
+_SEPARATION_S = 1.0  # between offsets that are not one valley
 _NEAR_TESTS = 10  # offsets within half a second
 _EXCLUDED = 1e-3  # level at which an offset is rejected beside the best
 _COURSES = 24  # windows of a record, of 4 to 20 s
@@ -74,7 +74,7 @@ class Clock(NamedTuple):
     """Offset to add to inertial timestamps, and the lever arm that goes with it.
 
     ``bound_s`` is exceeded by chance with probability ``FALSE_ALARM``; infinite where the motion
-    does not determine the offset. ``arm_freedom``: of Student's t. ``R_ns``: (W, 3, 3).
+    does not determine the offset. ``arm_dof``: of Student's t. ``R_ns``: (W, 3, 3).
     """
 
     offset_s: float
@@ -82,26 +82,26 @@ class Clock(NamedTuple):
     bound_s: float
     arm_b_m: FloatArray
     arm_covariance_m2: FloatArray
-    arm_freedom: float
+    arm_dof: float
     windows: Windows
     R_ns: FloatArray
 
 
 def coarse_offset(searches: Sequence[Search]) -> Search | None:
     """Return a search that excludes the given clock, if no other unique one contradicts it."""
-    found = [search for search in searches if search.is_unique]
-    offsets_s = [one.offset_s for one in found]
-    if not found or max(offsets_s) - min(offsets_s) > _APART_S:
+    unique = [search for search in searches if search.is_unique]
+    offsets_s = [search.offset_s for search in unique]
+    if not unique or max(offsets_s) - min(offsets_s) > _SEPARATION_S:
         return None
-    other = [one for one in found if one.is_better and abs(one.offset_s) > COARSE_S]
-    best = min(other, key=lambda one: one.sigma_s, default=None)
+    other = [search for search in unique if search.is_better and abs(search.offset_s) > COARSE_S]
+    best = min(other, key=lambda search: search.sigma_s, default=None)
     return best if best is not None and best.sigma_s < _SIGMA_S else None
 
 
 def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -> list[Search]:
     """Return the results of all searches that the sensors permit."""
     if motion.attitudes is not None:
-        force_at = _force_beside(motion.imu, motion.attitudes)
+        force_at = _force_by_attitudes(motion.imu, motion.attitudes)
         searches = [_search_by_force(motion.series[-1], force_at, aligned=True)]
     else:
         given, series = integrals_at(0.0), motion.series[-1]
@@ -113,8 +113,8 @@ def clock_searches(motion: Motion, integrals_at: Callable[[float], Integrals]) -
     return [search for search in searches if search is not None]
 
 
-def _force_beside(
-    imu: Imu, attitudes: Attitudes
+def _force_by_attitudes(
+    imu: Imu, attitudes: ArrayAttitudes
 ) -> Callable[[float], tuple[FloatArray, FloatArray]]:
     """Return times and integrals of specific force rotated by attitudes, by offset."""
     t_s = np.arange(attitudes.t_s[0], attitudes.t_s[-1], 1 / _RATE_HZ)
@@ -226,7 +226,7 @@ def _refined_course(system: _System, search: Search) -> Search:
         offset_s += float(np.clip(here.x[0], -_STEP_S, _STEP_S))
         if abs(here.x[0]) < _STILL_S:
             break
-    if abs(offset_s - search.offset_s) > _APART_S:
+    if abs(offset_s - search.offset_s) > _SEPARATION_S:
         return search._replace(is_unique=False)
     return search._replace(offset_s=offset_s, sigma_s=sigma_s)
 
@@ -241,15 +241,15 @@ def _judged(by: str, left: FloatArray) -> Search | None:
     level = np.full(len(valid), np.inf)
     usual = np.nanmedian(np.log(left[:, valid]), axis=1)[:, None]
     level[valid] = np.nanmean(np.log(left[:, valid]) - usual, axis=0)
-    place, best, zero = np.arange(len(level)), int(level.argmin()), len(level) // 2
-    is_open = valid & ~_is_rejected(left, best)
+    index, best, zero = np.arange(len(level)), int(level.argmin()), len(level) // 2
+    is_open = valid & ~np.array(_is_rejected(left, best))
     closed = np.flatnonzero(~is_open)
     first = closed[closed < best].max(initial=-1)
     last = closed[closed > best].min(initial=len(level))
-    is_outside = (place < first) | (place > last)
+    is_outside = (index < first) | (index > last)
     padded = np.concatenate([[np.inf], level, [np.inf]])
     is_minimum = (level < padded[:-2]) & (level < padded[2:])
-    far = np.abs(place - best) * _STEP_S > _APART_S
+    far = np.abs(index - best) * _STEP_S > _SEPARATION_S
     far = far & is_minimum if (far & is_minimum).any() else far
     runner_up = int(np.where(far, level, np.inf).argmin())
     both = np.isfinite(left[:, zero]) & np.isfinite(left[:, best])
@@ -266,22 +266,13 @@ def _judged(by: str, left: FloatArray) -> Search | None:
     )
 
 
-def _is_rejected(left: FloatArray, best: int) -> BoolArray:
-    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best.
-
-    By Student's t of log ratios, or where both ratio of sums and geometric mean ratio exceed an F
-    quantile in which a window counts as one vector of three.
-    """
+def _is_rejected(left: FloatArray, best: int) -> list[bool]:
+    """Select offsets, (D,), that the residual squares, (W, D), reject in favour of the best."""
     both = np.isfinite(left) & np.isfinite(left[:, [best]])
-    count = both.sum(axis=0).clip(1)
-    excess = np.where(both, np.log(left / left[:, [best]]), 0.0)
-    mean = excess.sum(axis=0) / count
-    square = np.where(both, (excess - mean) ** 2, 0.0).sum(axis=0) / np.maximum(count - 1, 1)
-    bound = -stdtrit(np.maximum(count - 1, 1), _EXCLUDED) * np.sqrt(square / count)
-    sums = np.where(both, left, 0.0).sum(axis=0)
-    ratio = sums / np.where(both, left[:, [best]], 0.0).sum(axis=0).clip(1e-300)
-    least = np.minimum(ratio, np.exp(mean)) > fdtri(3.0 * count, 3.0 * count, 1 - _EXCLUDED)
-    return np.asarray((count >= MIN_WINDOWS) & ((mean > bound) | least))
+    return [
+        bool(rows.sum() >= MIN_WINDOWS and is_better(x[rows], left[rows, best], level=_EXCLUDED))
+        for x, rows in zip(left.T, both.T, strict=True)
+    ]
 
 
 def clock_of(
@@ -292,7 +283,7 @@ def clock_of(
     Where both do not settle together, the lever arm alone.
     """
     clock = _clock(motion, series, integrals_at, start_s, timed=True)
-    if clock is None or clock.arm_freedom > 0:
+    if clock is None or clock.arm_dof > 0:
         return clock
     return _clock(motion, series, integrals_at, start_s, timed=False)
 
@@ -313,7 +304,7 @@ def _clock(
             return None
         here, R_ns = track.fit(series, integrals, motion.imu, arm_b_m, windows, timed=timed)
         x, is_settled = here.x.clip(-1.0, 1.0), here.settled()
-        is_far = abs(offset_s + x[track.OFFSET] - start_s) > _APART_S
+        is_far = abs(offset_s + x[track.OFFSET] - start_s) > _SEPARATION_S
         if is_far or steps == _STEPS or (abs(x[track.OFFSET]) < _STILL_S and is_settled):
             break
         offset_s, arm_b_m = offset_s + float(x[track.OFFSET]), arm_b_m + x[track.ARM]

@@ -33,6 +33,11 @@ class Series:
     gaps: int
     longest_gap_s: float
 
+    def __str__(self) -> str:
+        """Return number, rate and span in a line."""
+        span = f"{self.first_s:.3f} to {self.last_s:.3f} s"
+        return f"{self.samples} samples, {self.rate_hz:.4g} Hz, {span}"
+
 
 @dataclass(frozen=True, slots=True)
 class Finding:
@@ -90,7 +95,7 @@ class Diagnosis:
 def contents(flight: Flight) -> Diagnosis:
     """Return contents of a flight, and findings that need no solution."""
     sensors = {"gnss": flight.observations, **flight.records}
-    series = {name: _series(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
+    series = {name: series_of(s.t_s) for name, s in sensors.items() if s is not None and len(s.t_s)}
     findings, channels = [*_array_findings(flight), *_series_findings(series)], {}
     orbits = {"broadcast": flight.broadcast, "precise": flight.precise}
     unused = flight.unused
@@ -113,7 +118,8 @@ def contents(flight: Flight) -> Diagnosis:
     )
 
 
-def _series(t_s: FloatArray) -> Series:
+def series_of(t_s: FloatArray) -> Series:
+    """Return the sampling of times, (n,), one or more."""
     steps_s = np.diff(t_s)
     interval_s = float(np.median(steps_s)) if len(steps_s) else 0.0
     gaps_s = steps_s[steps_s > GAP * interval_s]
@@ -139,13 +145,13 @@ def _array_findings(flight: Flight) -> list[Finding]:
     names = [antenna.name for antenna in flight.antennas]
     if len(names) < 2:
         return []
-    places_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
-    distance_m = np.linalg.norm(places_b_m[:, None] - places_b_m[None], axis=2)
+    positions_b_m = np.stack([antenna.position_b_m for antenna in flight.antennas])
+    distance_m = np.linalg.norm(positions_b_m[:, None] - positions_b_m[None], axis=2)
     findings = []
     for i, j in zip(*np.nonzero(np.triu(distance_m < _SAME_PLACE_M, k=1)), strict=True):
         text = f"{names[i]} and {names[j]} are {1e3 * distance_m[i, j]:.1f} mm apart"
         findings.append(Finding("duplicate antennas", text, "check position_b_m"))
-    _, sizes, axes = np.linalg.svd(places_b_m - places_b_m.mean(axis=0))
+    _, sizes, axes = np.linalg.svd(positions_b_m - positions_b_m.mean(axis=0))
     spread_m = np.append(sizes, np.zeros(3))[:2]
     is_line = spread_m[0] > _SAME_PLACE_M and spread_m[1] < _COLLINEAR_M
     if is_line and flight.observations is not None:
@@ -246,10 +252,10 @@ def instrument_findings(flight: Flight) -> list[Finding]:
     if flight.barometer is not None:
         series["barometer"] = (flight.barometer.t_s, flight.barometer.height_m[:, None])
     if flight.photodetector is not None:
-        seen = flight.photodetector.currents.min(axis=1) > 0
+        visible = flight.photodetector.currents.min(axis=1) > 0
         series["photodetector"] = (
-            flight.photodetector.t_s[seen],
-            flight.photodetector.currents[seen],
+            flight.photodetector.t_s[visible],
+            flight.photodetector.currents[visible],
         )
     if flight.magnetometer is not None:
         series["magnetometer"] = (flight.magnetometer.t_s, flight.magnetometer.field_b_ut)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.checks import FloatArray, NoSolutionError
+from fgnav.checks import NoSolutionError
 from fgnav.diagnostics.antennas import Exchange, exchanged_antennas
 from fgnav.diagnostics.array import ArrayAttitudes
 from fgnav.diagnostics.clock import COARSE_S, clock_of, clock_searches, coarse_offset
@@ -18,17 +18,9 @@ from fgnav.diagnostics.windows import is_better
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.fixes import fixes_by_code
 from fgnav.messages import note
-from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight, Imu
 
 _ARRAY = 3  # antennas of an attitude
-
-
-class ArrayRanges(NamedTuple):
-    """Double differences of n epochs, and ranges, (n, b, m), m, NaN where no integer is fixed."""
-
-    differences: DoubleDifferences
-    ranges_m: FloatArray
 
 
 class Corrected(NamedTuple):
@@ -38,7 +30,7 @@ class Corrected(NamedTuple):
     notes: tuple[str, ...]
 
 
-def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Corrected:
+def corrected_set_up(flight: Flight) -> Corrected:
     """Correct exchanged antennas, a step of inertial timestamps, and a clock offset of seconds.
 
     A flight without these is returned as it is.
@@ -46,8 +38,6 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     Parameters
     ----------
     flight : Flight
-    array : ArrayRanges, optional
-        With integers fixed already: only epochs without are searched for exchanged antennas.
 
     Returns
     -------
@@ -61,7 +51,7 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     ()
     """
     notes: tuple[str, ...] = ()
-    exchange = _exchange(flight, array)
+    exchange = _exchange(flight)
     if exchange is not None:
         notes = (note("W304", exchange=exchange.message(flight)),)
         flight = exchange.corrected(flight)
@@ -76,30 +66,31 @@ def corrected_set_up(flight: Flight, array: ArrayRanges | None = None) -> Correc
     return Corrected(flight if is_same else replace(flight, imu=motion.imu), notes)
 
 
-def _exchange(flight: Flight, array: ArrayRanges | None) -> Exchange | None:
+def _exchange(flight: Flight) -> Exchange | None:
     """Return antennas that are exchanged; None also without a position of the reference antenna."""
     if flight.observations is None or len(flight.antennas) < _ARRAY:
         return None
     try:
-        differences = double_differences(flight) if array is None else array.differences
+        differences = double_differences(flight)
     except NoSolutionError:
         return None
     fixed = np.zeros(len(differences.t_s), dtype=np.bool_)
-    if array is not None:
-        is_open = differences.resolvable & np.isnan(array.ranges_m)
-        fixed = np.asarray(~is_open.any(axis=(1, 2)))
     return exchanged_antennas(flight, differences, fixed)
 
 
 def _motion(flight: Flight) -> Motion | None:
     """Return the motion by the gyroscope, else by attitudes of an array; None without a track."""
-    imu, seen, fixes, attitudes = flight.imu, flight.observations, flight.first_fixes, None
+    imu, observations, fixes, attitudes = flight.imu, flight.observations, flight.first_fixes, None
     has_gyroscope = imu is not None and imu.w_b_radps is not None
     if imu is None or len(imu.t_s) < 3:
         return None
     try:
-        if seen is not None and len(seen.t_s) and (has_gyroscope or len(flight.antennas) >= _ARRAY):
-            flight = replace(flight, observations=middle_of(seen, LONGEST))
+        if (
+            observations is not None
+            and len(observations.t_s)
+            and (has_gyroscope or len(flight.antennas) >= _ARRAY)
+        ):
+            flight = replace(flight, observations=middle_of(observations, LONGEST))
             fixes = fixes_by_code(flight)
             if not has_gyroscope:
                 attitudes = ArrayAttitudes(flight, double_differences(flight), fixes)
@@ -123,7 +114,7 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
     step_s = float(spans_s[k]) - usual_s
     if spans_s[k] <= GAP * usual_s or not 3 <= k < len(spans_s) - 3:
         return None
-    before, after = (replace(motion, imu=part) for part in (imu[: k + 1], imu[k + 1 :]))
+    before, after = (replace(motion, imu=samples) for samples in (imu[: k + 1], imu[k + 1 :]))
     clock = clock_of(before, series, before.integrals_at(), 0.0)
     offset_s = clock.offset_s if clock is not None and clock.bound_s < COARSE_S else 0.0
     t_s, after_s = series.t_s[series.windows.row], after.imu.t_s + offset_s
@@ -132,8 +123,8 @@ def _timestamp_step(motion: Motion) -> tuple[Imu, str] | None:
         return None
     windows, integrals_at = series.windows.some(inside), after.integrals_at()
     given, other = (
-        fit(series, integrals_at(one), imu, motion.arm_b_m, windows)[0]
-        for one in (offset_s, offset_s - step_s)
+        fit(series, integrals_at(shift_s), imu, motion.arm_b_m, windows)[0]
+        for shift_s in (offset_s, offset_s - step_s)
     )
     if not is_better(given.squares, other.squares):
         return None

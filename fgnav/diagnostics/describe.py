@@ -7,8 +7,8 @@ from scipy.special import fdtri
 
 from fgnav.checks import NoSolutionError
 from fgnav.diagnostics.antennas import antenna_finding
-from fgnav.diagnostics.array import ArrayAttitudes, gyroscope_finding, sight_finding
-from fgnav.diagnostics.axes import axes_finding
+from fgnav.diagnostics.array import ArrayAttitudes, sight_finding
+from fgnav.diagnostics.axes import axes_finding, gyroscope_finding
 from fgnav.diagnostics.baselines import baseline_findings
 from fgnav.diagnostics.clock import COARSE_S, Clock, Search, clock_of, clock_searches, coarse_offset
 from fgnav.diagnostics.contents import (
@@ -70,14 +70,16 @@ def describe(flight: Flight, *, quick: bool = False) -> Diagnosis:
     >>> describe(fgnav.load_flight("demo/flight")).findings
     ()
     """
-    found, out = contents(flight), _Findings()
+    diagnosis, out = contents(flight), _Findings()
     samples = [] if flight.imu is None else sample_findings(flight.imu)
     out.add(*samples)
     if not any(finding.certain for finding in samples):
         out.add(*instrument_findings(flight))
         out.add(*baseline_findings(flight))
         _check_motion(flight, out, quick=quick)
-    return replace(found, findings=(*found.findings, *out.found), unchecked=tuple(out.unchecked))
+    return replace(
+        diagnosis, findings=(*diagnosis.findings, *out.found), unchecked=tuple(out.unchecked)
+    )
 
 
 def _check_motion(flight: Flight, out: _Findings, *, quick: bool) -> None:
@@ -153,18 +155,18 @@ def _check_all(flight: Flight, motion: Motion, out: _Findings) -> None:
     near = next((s for s in searches if s.is_better and abs(s.offset_s) <= COARSE_S), None)
     best = coarse or near
     start_s = 0.0 if best is None else best.offset_s
-    clocks = [clock_of(motion, one, integrals_at, start_s) for one in motion.series]
-    found = [clock for clock in clocks if clock is not None]
-    if not found:
+    clocks = [clock_of(motion, series, integrals_at, start_s) for series in motion.series]
+    fitted = [clock for clock in clocks if clock is not None]
+    if not fitted:
         return out.skip("imu axes, clock, lever arm", "too few epochs of GNSS within its record")
-    main = min(found, key=lambda one: (one.bound_s, np.trace(one.arm_covariance_m2)))
+    main = min(fitted, key=lambda clock: (clock.bound_s, np.trace(clock.arm_covariance_m2)))
     # With a clock that fits them axes may be right that seem wrong beside it.
     offsets_s = [start_s, *([main.offset_s] if main.bound_s < COARSE_S else [])]
     axes = [axes_finding(motion, offset_s) for offset_s in offsets_s]
     if None not in axes and out.add(axes[0]):
         return out.skip("imu clock, lever arm", "not before its axes are right")
     if any(finding.name == "velocity delay" for finding in out.found):
-        main = found[0]  # by positions
+        main = fitted[0]  # by positions
     _check_clock(main, searches, coarse, motion.imu, out)
     _check_arm(main, motion, flight, out)
     if motion.attitudes is None:
@@ -198,16 +200,16 @@ def _check_clock(
 
 def _check_arm(clock: Clock, motion: Motion, flight: Flight, out: _Findings) -> None:
     """Test by Hotelling's T squared whether the lever arm errs by more than it is measured to."""
-    array, freedom = motion.attitudes, clock.arm_freedom
+    array, dof = motion.attitudes, clock.arm_dof
     if array is not None and motion.imu.w_b_radps is None and not array.rates_exceed_noise():
         return out.skip("imu lever arm", "body rates do not exceed the noise of attitudes")
-    if freedom < 3:
+    if dof < 3:
         return out.skip("imu lever arm", "too few windows with rotation")
     error_b_m = clock.arm_b_m - motion.arm_b_m
     covariance = clock.arm_covariance_m2 + _ARM_SIGMA_M**2 * np.eye(3)
     statistic = float(error_b_m @ np.linalg.solve(covariance, error_b_m))
     sigma_m = float(np.sqrt(np.linalg.eigvalsh(clock.arm_covariance_m2)[-1]))
-    if statistic * (freedom - 2) / (3 * freedom) > fdtri(3, freedom - 2, 1 - FALSE_ALARM):
+    if statistic * (dof - 2) / (3 * dof) > fdtri(3, dof - 2, 1 - FALSE_ALARM):
         antenna_b_m = flight.antenna(motion.fixes.antenna).position_b_m
         shown = ", ".join(f"{x:.2f}" for x in antenna_b_m - clock.arm_b_m + 0.0)
         error_m = np.linalg.norm(error_b_m)
@@ -239,8 +241,8 @@ def _share_solved(flight: Flight, observations: Observations) -> float:
     """Return the share of a few epochs that have a position by code."""
     tracked = np.flatnonzero(observations.tracked[:, 0].sum(axis=1) > 3)
     chosen = np.linspace(0, len(tracked) - 1, min(_TRIED, len(tracked))).astype(np.int64)
-    part = replace(flight, observations=observations[tracked[chosen]])
+    chosen_epochs = replace(flight, observations=observations[tracked[chosen]])
     try:
-        return len(code_solution(part).t_s) / max(len(chosen), 1)
+        return len(code_solution(chosen_epochs).t_s) / max(len(chosen), 1)
     except NoSolutionError:
         return 0.0

@@ -10,11 +10,12 @@ its own; by an array's attitudes s is n, and R_ns within degrees of one.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.checks import FloatArray
+from fgnav.diagnostics.array import ArrayAttitudes
 from fgnav.diagnostics.windows import Fitted, Windows, fitted, windows_of
 from fgnav.geometry.interpolation import corrected_integral, interpolate_tensors
 from fgnav.geometry.rotation_kernel import accumulated
@@ -56,19 +57,7 @@ class Series(NamedTuple):
     windows: Windows
 
 
-class Attitudes(Protocol):
-    """Attitudes of an array at GNSS times, (n,)."""
-
-    t_s: FloatArray
-
-    def interpolated(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return R_nb, (m, 3, 3), and w_b, (m, 3), rad/s, at times within."""
-
-    def rates_exceed_noise(self) -> bool:
-        """Return True if rates are known well enough for a lever arm."""
-
-
-def integrated(imu: Imu, attitudes: Attitudes | None = None) -> Integrals:
+def integrated(imu: Imu, attitudes: ArrayAttitudes | None = None) -> Integrals:
     """Integrate specific force along the gyroscope's rotation, or along known attitudes."""
     if attitudes is not None:
         imu = imu[(imu.t_s >= attitudes.t_s[0]) & (imu.t_s <= attitudes.t_s[-1])]
@@ -93,7 +82,7 @@ def integrated(imu: Imu, attitudes: Attitudes | None = None) -> Integrals:
 
 
 def rotation_and_rates(
-    imu: Imu, attitudes: Attitudes | None, factor: float = 1.0
+    imu: Imu, attitudes: ArrayAttitudes | None, factor: float = 1.0
 ) -> tuple[FloatArray, FloatArray]:
     """Return R_sb, (m, 3, 3), and w_b, (m, 3), by attitudes or by the gyroscope times a factor.
 
@@ -117,11 +106,11 @@ class Motion:
     fixes: Fixes
     series: list[Series]
     arm_b_m: FloatArray  # (3,); from accelerometer to antenna
-    attitudes: Attitudes | None
+    attitudes: ArrayAttitudes | None
 
     @classmethod
     def from_flight(
-        cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: Attitudes | None
+        cls, flight: Flight, imu: Imu, fixes: Fixes, attitudes: ArrayAttitudes | None
     ) -> "Motion":
         """Return the motion where the vehicle moves most."""
         fixes = where_it_moves(fixes)
@@ -205,10 +194,10 @@ class WindowValues:
     """A series in windows: detrended values and 1 / sigma, (W, n, 3), zero outside."""
 
     def __init__(self, series: Series, windows: Windows) -> None:
-        row, t_s = windows.row, series.t_s
-        self.series, self.windows, self.at_s = series, windows, t_s[row]
-        self.value = detrended(windows, t_s, series.value[row], series.order)
-        self.white = np.where(windows.inside[..., None], 1.0 / series.sigma[row], 0.0)
+        rows, t_s = windows.row, series.t_s
+        self.series, self.windows, self.at_s = series, windows, t_s[rows]
+        self.value = detrended(windows, t_s, series.value[rows], series.order)
+        self.white = np.where(windows.inside[..., None], 1.0 / series.sigma[rows], 0.0)
 
     def resampled(self, t_s: FloatArray, values: FloatArray) -> FloatArray:
         """Return inertial values, (m, ...), at the epochs, detrended: (W, n, ...)."""
@@ -231,10 +220,10 @@ class WindowValues:
         R_ns = nearest(np.einsum("wni,wnj->wij", weight * self.value, moved))
         R_ns = np.tile(np.eye(3), (W, 1, 1)) if aligned else R_ns
         lean = -skew(moved.reshape(-1, 3)).reshape(W, n, 3, 3)
-        place = slice(3 * len(start), 3 * len(start) + 3)
+        columns = slice(3 * len(start), 3 * len(start) + 3)
 
         def system() -> tuple[FloatArray, FloatArray]:
-            local = [*start, *(R_ns[:, None] @ one for one in (lean, *biases))]
+            local = [*start, *(R_ns[:, None] @ derivative for derivative in (lean, *biases))]
             A = (self.white[..., None] * np.concatenate(local, axis=3)).reshape(W, 3 * n, -1)
             y = self.white * (self.value - np.einsum("wij,wnj->wni", R_ns, moved))
             return y.reshape(W, -1), A
@@ -242,7 +231,7 @@ class WindowValues:
         y, A = system()  # one step of Gauss-Newton, for the first rotation has the biases in it
         information = A.swapaxes(1, 2) @ A + np.diag(ridge + 1e-9)
         step = np.linalg.solve(information, (A * y[..., None]).sum(axis=1)[..., None])
-        R_ns = R_ns @ exp(step[:, place, 0])
+        R_ns = R_ns @ exp(step[:, columns, 0])
         return R_ns, *system()
 
 
@@ -270,10 +259,10 @@ def fit(
     middle = interpolate_tensors(
         values.at_s[:, values.at_s.shape[1] // 2], integrals.t_s, integrals.by_bias[1]
     )
-    turning = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
+    by_rotation = skew(force.reshape(-1, 3)).reshape(*values.at_s.shape, 3, 3) @ middle[:, None]
     biases = [
         -resampled(integrals.by_bias[order]),
-        resampled(integrals.by_rate_bias[order - 1]) - turning,
+        resampled(integrals.by_rate_bias[order - 1]) - by_rotation,
     ]
     ridge = prior(imu, order, aligned=aligned)
     R_ns, y, local = values.solved(force + arm @ arm_b_m, biases, ridge, aligned=aligned)

@@ -35,17 +35,19 @@ def velocity_finding(fixes: Fixes) -> Finding | None:
     windows, t_s, v_n_mps = windows_of(fixes.t_s), fixes.t_s, fixes.v_n_mps
     if v_n_mps is None or len(windows) < 2:
         return None
-    row, way_m = windows.row, corrected_integral(t_s, v_n_mps)
-    white = np.where(windows.inside[..., None], 1.0 / fixes.position_sigma_m[row], 0.0)
-    y = detrended(windows, t_s, fixes.p_n_m[row], 1)
-    finding = _column_finding(y, detrended(windows, t_s, way_m[row], 1), white)
+    rows, way_m = windows.row, corrected_integral(t_s, v_n_mps)
+    white = np.where(windows.inside[..., None], 1.0 / fixes.position_sigma_m[rows], 0.0)
+    y = detrended(windows, t_s, fixes.p_n_m[rows], 1)
+    finding = _column_finding(y, detrended(windows, t_s, way_m[rows], 1), white)
     if finding is not None:
         return finding
     constant = (white[..., None] * np.eye(3)).reshape(len(y), -1, 3)
     delay_s, sigma_s, bound_s = 0.0, np.inf, np.inf
     for _ in range(_STEPS):
-        at_s = (t_s[row] + delay_s).ravel()
-        x, v = (interpolate_tensors(at_s, t_s, one).reshape(y.shape) for one in (way_m, v_n_mps))
+        at_s = (t_s[rows] + delay_s).ravel()
+        x, v = (
+            interpolate_tensors(at_s, t_s, values).reshape(y.shape) for values in (way_m, v_n_mps)
+        )
         residual = (white * (y - detrended(windows, t_s, x, 1))).reshape(len(y), -1)
         by_delay = (white * v).reshape(len(y), -1, 1)
         here = fitted(residual, constant, by_delay, np.zeros(3))
@@ -65,11 +67,11 @@ def _column_finding(y: FloatArray, x: FloatArray, white: FloatArray) -> Finding 
         squares = ((white * (y - factor * x @ axes)) ** 2).sum(axis=(1, 2))
         changes = int((np.diag(axes) < 1).sum()) + (factor != 1.0)
         tried.append((float(np.log(squares + 1e-12).mean()), changes, squares, unit, axes))
-    given, best = tried[0], min(tried, key=lambda one: one[0])
+    given, best = tried[0], min(tried, key=lambda fit: fit[0])
     if best is given or not is_better(given[2], best[2], len(tried)):
         return None
-    equal = [one for one in tried if not is_better(one[2], best[2], len(tried))]
-    level, _, _, unit, axes = min(equal, key=lambda one: (one[1], one[0]))
+    equal = [fit for fit in tried if not is_better(fit[2], best[2], len(tried))]
+    level, _, _, unit, axes = min(equal, key=lambda fit: (fit[1], fit[0]))
     parts, mends = [], []
     if unit != "m/s":
         parts.append(f"are in {unit}")
@@ -88,14 +90,14 @@ def mounting_finding(
     fixes: Fixes, integrals: Integrals, clock: Clock, vehicle: WheeledVehicle | FinnedVehicle | None
 ) -> tuple[Finding | None, bool]:
     """Return the finding on the IMU's mounting, and True if no lean of the body explains it."""
-    row, inside = clock.windows.row, clock.windows.inside[..., None]
-    R_sb = interpolate_tensors(fixes.t_s[row].ravel(), integrals.t_s, integrals.R_sb).reshape(
-        *row.shape, 3, 3
+    rows, inside = clock.windows.row, clock.windows.inside[..., None]
+    R_sb = interpolate_tensors(fixes.t_s[rows].ravel(), integrals.t_s, integrals.R_sb).reshape(
+        *rows.shape, 3, 3
     )
     R_nb, (v_n_mps, _) = clock.R_ns[:, None] @ R_sb, velocities(fixes)
     if v_n_mps is None:
         return None, True
-    v_n_mps, count = v_n_mps[row] * inside, inside.sum(axis=1)
+    v_n_mps, count = v_n_mps[rows] * inside, inside.sum(axis=1)
     # A car reverses, but not for long: by distance.
     along_b = np.einsum("wnji,wnj->wi", R_nb, v_n_mps) / count
     mean_n_mps = v_n_mps.sum(axis=1) / count
@@ -111,7 +113,7 @@ def mounting_finding(
     z = _unit(down_b - (down_b * ahead_b).sum(axis=1, keepdims=True) * ahead_b)
     y = _unit(np.cross(z, ahead_b))
     R_vb = np.stack([np.cross(y, z), y, z], axis=1)
-    finding = _quarter_turn(R_vb, "gravity and travel" if is_ahead else "gravity")
+    finding = _axes_exchange(R_vb, "gravity and travel" if is_ahead else "gravity")
     if finding is not None or not is_ahead:
         return finding, True
     wheeled = vehicle if isinstance(vehicle, WheeledVehicle) else None
@@ -119,11 +121,11 @@ def mounting_finding(
 
 
 def _is_steady(directions: FloatArray) -> bool:
-    is_enough = len(directions) >= _MIN_WINDOWS
-    return bool(is_enough and np.linalg.norm(directions.mean(axis=0)) > _STEADY)
+    is_sufficient = len(directions) >= _MIN_WINDOWS
+    return bool(is_sufficient and np.linalg.norm(directions.mean(axis=0)) > _STEADY)
 
 
-def _quarter_turn(R_vb: FloatArray, evidence: str) -> Finding | None:
+def _axes_exchange(R_vb: FloatArray, evidence: str) -> Finding | None:
     """Return axes that are significantly nearer to the vehicle's, by at least an octant."""
     ways = signed_permutations()
     ways = ways[np.linalg.det(ways) > 0]

@@ -80,9 +80,9 @@ def windows_of(t_s: FloatArray, span_s: float = 4.0, epochs: int = 16) -> Window
     first = np.flatnonzero(np.diff(number, prepend=-1.0))
     count = np.diff(np.append(first, len(t_s)))
     first, count = first[count >= epochs - 1], count[count >= epochs - 1]
-    place = np.arange(count.max(initial=1))
-    row = (first[:, None] + place).clip(max=max(len(t_s) - 1, 0))
-    return Windows(row, place < count[:, None])
+    index = np.arange(count.max(initial=1))
+    rows = (first[:, None] + index).clip(max=max(len(t_s) - 1, 0))
+    return Windows(rows, index < count[:, None])
 
 
 def fitted(y: FloatArray, local: FloatArray, common: FloatArray, ridge: FloatArray) -> Fitted:
@@ -111,11 +111,13 @@ def fitted(y: FloatArray, local: FloatArray, common: FloatArray, ridge: FloatArr
     # Of each unknown the windows' shares of what is known, and how many equal ones these are.
     share = np.einsum("ij,wjk,ki->wi", inverse, information, inverse)
     count = share.sum(axis=0) ** 2 / np.maximum((share**2).sum(axis=0), 1e-300)
-    freedom = np.where(count >= MIN_WINDOWS, count - 1.0, 0.0)
-    return Fitted(x, covariance, freedom, np.maximum(squares, 0.0))
+    dof = np.where(count >= MIN_WINDOWS, count - 1.0, 0.0)
+    return Fitted(x, covariance, dof, np.maximum(squares, 0.0))
 
 
-def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
+def is_better(
+    given: FloatArray, other: FloatArray, tests: int = 1, level: float = FALSE_ALARM
+) -> bool:
     """Return True if a hypothesis leaves significantly smaller squares, (W,), than the given one.
 
     By Student's t of the mean log ratio, or by an F test in which a window, whatever is correlated
@@ -124,11 +126,11 @@ def is_better(given: FloatArray, other: FloatArray, tests: int = 1) -> bool:
     if not len(given):
         return False
     tiny = 1e-12 * (given.mean() + other.mean()) + 1e-300
-    gain, freedom = np.log((given + tiny) / (other + tiny)), 3.0 * len(given)
+    gain, dof = np.log((given + tiny) / (other + tiny)), 3.0 * len(given)
     ratio = (given.sum() + tiny) / (other.sum() + tiny)
-    if ratio > fdtri(freedom, freedom, 1 - FALSE_ALARM / tests):
+    if ratio > fdtri(dof, dof, 1 - level / tests):
         return True
     if len(gain) < MIN_WINDOWS or gain.mean() <= 0:
         return False
     spread = gain.std(ddof=1) / np.sqrt(len(gain))
-    return bool(gain.mean() > -spread * stdtrit(len(gain) - 1, FALSE_ALARM / tests))
+    return bool(gain.mean() > -spread * stdtrit(len(gain) - 1, level / tests))

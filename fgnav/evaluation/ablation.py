@@ -27,8 +27,10 @@ class Restricted:
         return replace(self.estimator(without(flight, self.without)), method=self.name)
 
 
-def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  # noqa: ANN401
-    """Return a method without some kinds of measurement, gravity among them where it takes it.
+def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Estimator:  # noqa: ANN401
+    """Return a method by another name, without some kinds of measurement.
+
+    Gravity may be among them where the method takes it.
 
     Raises
     ------
@@ -40,8 +42,11 @@ def restricted(name: str, estimator: Any, kinds: Sequence[str]) -> Restricted:  
     if len(measured) < len(kinds):
         if not has_gravity(estimator):
             raise BadInputError(f"without gravity: {estimator.name} has none; name a source of it")
-        others = tuple(one for one in estimator.factors or () if not _is_gravity(one))
+        others = tuple(source for source in estimator.factors or () if not _is_gravity(source))
         estimator = replace(estimator, gravity=None, factors=others)
+    if not measured and "name" in getattr(estimator, "__dataclass_fields__", ()):
+        renamed: Estimator = replace(estimator, name=name)  # it may share its preparation
+        return renamed
     return Restricted(name=name, estimator=estimator, without=measured)
 
 
@@ -87,7 +92,7 @@ def check_kinds(kinds: Sequence[str]) -> None:
 
 
 def _none(name: str) -> Callable[[Flight], Flight | None]:
-    """Return what takes a whole record away."""
+    """Return the function that removes a whole record."""
 
     def less(flight: Flight) -> Flight | None:
         record = getattr(flight, name)
@@ -98,7 +103,7 @@ def _none(name: str) -> Callable[[Flight], Flight | None]:
 
 
 def _unmeasured(name: str) -> Callable[[Flight], Flight | None]:
-    """Return what takes one kind of GNSS observation away, of vehicle and base."""
+    """Return the function that removes one kind of GNSS observation, of vehicle and base."""
 
     def less(flight: Flight) -> Flight | None:
         observations, base = flight.observations, flight.base
@@ -135,21 +140,15 @@ def _no_baselines(flight: Flight) -> Flight | None:
     observed = flight.observations
     if observed is None or len(flight.antennas) < 2:
         return replace(flight, baselines=()) if flight.baselines else None
-    of_antennas = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
-    first: dict[str, Any] = {name: getattr(observed, name)[:, :1] for name in of_antennas}
     truth, antenna = flight.truth, flight.antennas[0]
     return replace(
         flight,
-        fixes=tuple(one for one in flight.fixes if one.antenna == antenna.name),
+        fixes=tuple(fixes for fixes in flight.fixes if fixes.antenna == antenna.name),
         baselines=(),
         antennas=(antenna,),
-        observations=replace(observed, **first),
+        observations=observed.of_antennas(slice(1)),
         truth=None if truth is None else replace(truth, integers=None),
     )
-
-
-def _no_networks(flight: Flight) -> Flight | None:
-    return replace(flight, networks=()) if flight.networks else None
 
 
 KINDS: dict[str, Callable[[Flight], Flight | None]] = {
@@ -164,5 +163,5 @@ KINDS: dict[str, Callable[[Flight], Flight | None]] = {
     "barometer": _none("barometer"),
     "magnetometer": _none("magnetometer"),
     "vehicle": _none("vehicle"),
-    "networks": _no_networks,
+    "networks": _none("networks"),
 }

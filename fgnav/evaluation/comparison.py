@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Literal, NamedTuple
 
 from fgnav.checks import BadInputError, NoSolutionError
 from fgnav.evaluation.bound import flight_bound
@@ -21,7 +21,7 @@ from fgnav.types.summaries import summary, summary_html
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Method:
-    """What one method did: its figures, its estimate and its errors."""
+    """Figures, estimate and errors of one method."""
 
     name: str
     score: Score
@@ -29,6 +29,13 @@ class Method:
     errors: Errors | None = None  # None also where the flight has no truth
     # of arcs\' integers, each with the chance that it is wrong, and who says so
     arcs: tuple[ArcInteger, ...] = ()
+
+    @property
+    def solution(self) -> Estimate:
+        """The estimate of a method that has one; NoSolutionError says why another has none."""
+        if self.estimate is None:
+            raise NoSolutionError(f"{self.name}: {self.score.failure}")
+        return self.estimate
 
     @property
     def rejections(self) -> tuple[Rejected, ...]:
@@ -39,9 +46,9 @@ class Method:
         """Return every figure in plain types, each rejected measurement with its reason."""
         constants = () if self.estimate is None else self.estimate.calibration
         return asdict(self.score) | {
-            "rejections": [asdict(one) for one in self.rejections],
-            "calibration": [one.to_dict() for one in constants],
-            "arcs": [asdict(one) for one in self.arcs],
+            "rejections": [asdict(rejected) for rejected in self.rejections],
+            "calibration": [constant.to_dict() for constant in constants],
+            "arcs": [asdict(arc) for arc in self.arcs],
         }
 
 
@@ -100,6 +107,23 @@ class Comparison:
         """Methods that have an estimate."""
         return [method for method in self.methods if method.estimate is not None]
 
+    @property
+    def failure(self) -> str | None:
+        """Why no method has a solution; None where one has."""
+        if self.solved:
+            return None
+        failures = "; ".join(f"{m.name}: {m.score.failure}" for m in self.methods)
+        return f"no method has a solution: {failures}"
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Methods that found inconsistent measurements, with the sensors."""
+        return [
+            f"{method.name}: {', '.join(dict.fromkeys(v.sensor for v in method.score.verdicts))}"
+            for method in self.methods
+            if method.score.verdicts
+        ]
+
     def __getitem__(self, name: str) -> Method:
         """Return the method of that name."""
         for method in self.methods:
@@ -113,7 +137,7 @@ class Comparison:
         return summary(self)
 
     def _repr_html_(self) -> str:
-        """Return the same for a notebook."""
+        """Return the summary for a notebook."""
         return summary_html(self)
 
     def to_dict(self) -> dict[str, Any]:
@@ -130,30 +154,6 @@ class Comparison:
             },
             "differences": [asdict(difference) for difference in self.differences],
         }
-
-    def to_json(self) -> str:
-        """Return ``to_dict`` as indented JSON."""
-        import json  # noqa: PLC0415  # only here
-
-        return json.dumps(self.to_dict(), indent=2, allow_nan=False) + "\n"
-
-
-@runtime_checkable
-class SharesPreparation(Protocol):
-    """An estimator whose work on a flight begins with a part that others may share."""
-
-    @property
-    def preparation(self) -> Hashable:
-        """What decides that part: estimators that agree in it share it."""
-        ...
-
-    def prepare(self, flight: Flight) -> Any:  # noqa: ANN401
-        """Do that part."""
-        ...
-
-    def estimate_prepared(self, flight: Flight, prepared: Any) -> Estimate:  # noqa: ANN401
-        """Do the rest."""
-        ...
 
 
 Watch = Callable[[str], AbstractContextManager[object]]
@@ -172,8 +172,8 @@ def compare(
     flight : Flight
     estimators : sequence of Estimator
         Anything with a ``name`` that turns a flight into an estimate. Names must differ. Those with
-        a ``preparation`` (see ``SharesPreparation``) share it where it is the same; it counts in
-        the time of each.
+        an equal ``preparation`` share what their ``prepare(flight)`` returns, to which each applies
+        its ``estimate_prepared(flight, prepared)``; it counts in the time of each.
     watch : callable
         From an estimator's name to a context that it runs in, for progress.
 
@@ -201,14 +201,14 @@ def compare(
     for name in names:
         if names.count(name) > 1:
             raise BadInputError(f"compare: two estimators are named {name!r}; give each its own")
-    own = replace(flight)
+    first = replace(flight)
     prepared_by_key: dict[Hashable, _Outcome] = {}
     outcomes = []
     for k, estimator in enumerate(estimators):
         with watch(estimator.name):
-            outcomes.append(_run(replace(flight) if k else own, estimator, prepared_by_key))
+            outcomes.append(_run(replace(flight) if k else first, estimator, prepared_by_key))
     estimates = [estimate for estimate, _, _ in outcomes if estimate is not None]
-    differences = _differences_of(own)  # the first method's, as a rule: what it made is kept there
+    differences = _differences_of(first)  # which the first method has made, as a rule
     right = _right_integers(flight, differences)
     methods = tuple(
         _judge(flight, name, outcome, differences, right)
@@ -242,7 +242,7 @@ def _counted(truth: Truth | None) -> tuple[str, ...]:
 
 
 class _Outcome(NamedTuple):
-    """What a piece of work yields or why it has no solution, and its wall time."""
+    """Result of a piece of work, or why it has no solution, and its wall time."""
 
     value: Any
     seconds: float
@@ -250,7 +250,9 @@ class _Outcome(NamedTuple):
 
 
 def _run(
-    flight: Flight, estimator: Estimator, prepared_by_key: dict[Hashable, _Outcome]
+    flight: Flight,
+    estimator: Any,  # noqa: ANN401  # may have more than an Estimator
+    prepared_by_key: dict[Hashable, _Outcome],
 ) -> _Outcome:
     """Return the outcome of a method, on a flight of its own.
 
@@ -258,9 +260,9 @@ def _run(
     that nobody is faster for coming later. Compiling kernels, half a minute once after an install,
     is in nobody's time.
     """
-    if not isinstance(estimator, SharesPreparation):
+    key = getattr(estimator, "preparation", None)
+    if key is None:
         return _timed(lambda: estimator(flight))
-    key = estimator.preparation
     try:
         hash(key)
     except TypeError:  # settings that do not hash are nobody else's
@@ -270,8 +272,8 @@ def _run(
     shared = prepared_by_key[key]
     if shared.failure is not None:
         return shared
-    own = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
-    return own._replace(seconds=own.seconds + shared.seconds)
+    outcome = _timed(lambda: estimator.estimate_prepared(flight, shared.value))
+    return outcome._replace(seconds=outcome.seconds + shared.seconds)
 
 
 def _timed(work: Callable[[], Any]) -> _Outcome:
@@ -296,7 +298,7 @@ def _judge(
     differences: DoubleDifferences | None,
     right: Integers | None,
 ) -> Method:
-    """Return what a method did, its figures against the truth included."""
+    """Return the figures, estimate and errors of a method's outcome."""
     estimate, seconds, failure = outcome
     if estimate is None:
         return Method(name=name, score=Score(seconds=seconds, failure=failure))
@@ -323,12 +325,12 @@ def _posterior_bound(flight: Flight, prepared_by_key: Mapping[Hashable, _Outcome
     from fgnav.assembly.prepared import PreparedFlight  # noqa: PLC0415  # lazy: brings numba
 
     keys = sorted(prepared_by_key, key=lambda key: bool(getattr(key, "causal", False)))
-    for one in (prepared_by_key[key] for key in keys):
-        if isinstance(one.value, PreparedFlight):
+    for outcome in (prepared_by_key[key] for key in keys):
+        if isinstance(outcome.value, PreparedFlight):
             from fgnav.evaluation.posterior_bound import posterior_angles  # noqa: PLC0415  # as above
 
             try:
-                return posterior_angles(flight, one.value)
+                return posterior_angles(flight, outcome.value)
             except NoSolutionError:  # measurements leave a state open: then nothing is bounded
                 return Angles()
     return Angles()

@@ -1,23 +1,24 @@
-"""What one method made of one flight, as a row of a table: the figures that statistics rest on."""
+"""Figures of one method on one flight, by name: statistics over flights rest on them."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fgnav.checks import FloatArray
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.reference import common_epochs
-from fgnav.evaluation.scores import EULER, rms
+from fgnav.evaluation.scores import EULER, Score, rms
 from fgnav.types.estimate import Errors
 
 
 class Figure(NamedTuple):
-    """A figure of a method on a flight: how tables head it, and whether it is an RMS itself.
+    """A figure of a method on a flight: where its score has it, its head in tables.
 
     With a title it is one by which methods are held against each other.
     """
 
+    path: str = ""  # in ``Score``; empty where it is computed from the errors
     head: str = ""
     title: str = ""
     is_rms: bool = False
@@ -25,24 +26,26 @@ class Figure(NamedTuple):
 
 # Unit and meaning are in the name; NaN where a method or a flight has nothing to judge.
 FIGURES = {
-    "available": Figure("epochs"),
-    **{f"{angle}_rmse_deg": Figure(is_rms=True) for angle in EULER},
-    "attitude_rmse_deg": Figure("attitude, deg RMS", is_rms=True),
-    "attitude_median_deg": Figure("median, deg", "median attitude error, deg"),
-    "attitude_p95_deg": Figure("95 %, deg", "95th percentile of attitude error, deg"),
+    "available": Figure("available", "epochs"),
+    **{f"{angle}_rmse_deg": Figure(f"rmse_deg.{angle}", is_rms=True) for angle in EULER},
+    "attitude_rmse_deg": Figure("attitude_rmse_deg", "attitude, deg RMS", is_rms=True),
+    "attitude_median_deg": Figure("", "median, deg", "median attitude error, deg"),
+    "attitude_p95_deg": Figure("", "95 %, deg", "95th percentile of attitude error, deg"),
     "matched_attitude_rmse_deg": Figure(
-        "matched, deg RMS", "attitude RMS on common epochs, deg", is_rms=True
+        "", "matched, deg RMS", "attitude RMS on common epochs, deg", is_rms=True
     ),
-    "position_rmse_m": Figure("position, m RMS", "position RMS, m", is_rms=True),
-    "velocity_rmse_mps": Figure("velocity, m/s RMS", "velocity RMS, m/s", is_rms=True),
-    "attitude_nees": Figure("NEES, of 3"),
-    "position_nees": Figure(),
-    "velocity_nees": Figure(),
-    "attitude_nll": Figure("NLL"),
-    "attitude_energy_score_deg": Figure("energy, deg", "energy score of attitude, deg"),
-    "integers_right": Figure(),
-    "integers_wrong": Figure(),
-    "integers_refused": Figure(),
+    "position_rmse_m": Figure("position_rmse_m", "position, m RMS", "position RMS, m", is_rms=True),
+    "velocity_rmse_mps": Figure(
+        "velocity_rmse_mps", "velocity, m/s RMS", "velocity RMS, m/s", is_rms=True
+    ),
+    "attitude_nees": Figure("attitude_nees_mean", "NEES, of 3"),
+    "position_nees": Figure("position_nees_mean"),
+    "velocity_nees": Figure("velocity_nees_mean"),
+    "attitude_nll": Figure("", "NLL"),
+    "attitude_energy_score_deg": Figure("", "energy, deg", "energy score of attitude, deg"),
+    "integers_right": Figure("integers.right"),
+    "integers_wrong": Figure("integers.wrong"),
+    "integers_refused": Figure("integers.not_fixed"),
 }
 _NODES = 128  # of a normal distribution, a power of 2: energy scores to .3 %
 
@@ -63,29 +66,21 @@ def flight_figures(comparison: Comparison) -> dict[str, dict[str, float]]:
 
 def _figures(method: Method) -> dict[str, float]:
     score, errors = method.score, method.errors
-    named: Mapping[str, float | None] = {
-        "available": score.available,
-        **{f"{angle}_rmse_deg": getattr(score.rmse_deg, angle) for angle in EULER},
-        "attitude_rmse_deg": score.attitude_rmse_deg,
-        "position_rmse_m": score.position_rmse_m,
-        "velocity_rmse_mps": score.velocity_rmse_mps,
-        "attitude_nees": score.attitude_nees_mean,
-        "position_nees": score.position_nees_mean,
-        "velocity_nees": score.velocity_nees_mean,
-    }
-    figures = dict.fromkeys(FIGURES, np.nan)
-    figures |= {name: value for name, value in named.items() if value is not None}
-    if score.integers is not None:
-        figures["integers_refused"] = float(score.integers.not_fixed)
-        if score.integers.right is not None and score.integers.wrong is not None:
-            figures["integers_right"] = float(score.integers.right)
-            figures["integers_wrong"] = float(score.integers.wrong)
+    figures = {name: _value(score, figure.path) for name, figure in FIGURES.items()}
     if errors is not None and score.attitude_rmse_deg is not None and len(errors.t_s):
         angle_deg = np.degrees(np.linalg.norm(errors.tangent_b_rad, axis=1))
         figures["attitude_median_deg"] = float(np.median(angle_deg))
         figures["attitude_p95_deg"] = float(np.percentile(angle_deg, 95))
         figures |= _proper_scores(method, errors)
     return figures
+
+
+def _value(score: Score, path: str) -> float:
+    """Return the value at a path of attributes of a score; NaN where there is none."""
+    value: Any = score
+    for name in path.split("."):
+        value = getattr(value, name, None)
+    return float("nan") if value is None else float(value)
 
 
 def _proper_scores(method: Method, errors: Errors) -> dict[str, float]:
@@ -153,8 +148,8 @@ def energy_score(error: FloatArray, covariance: FloatArray) -> float:
     draws = np.einsum("nij,mj->nmi", root, normal_nodes(error.shape[1]))
     near = np.linalg.norm(draws - error[:, None], axis=2).mean(axis=1)
     # X - X' is normal with twice the covariance.
-    apart = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
-    return float((near - apart / 2).mean())
+    spread = np.sqrt(2) * np.linalg.norm(draws, axis=2).mean(axis=1)
+    return float((near - spread / 2).mean())
 
 
 def normal_nodes(d: int) -> FloatArray:

@@ -22,7 +22,7 @@ BOOTSTRAP_SEED = 0x5EED  # intervals are the same whenever the flights are
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightOutcome:
-    """What all methods made of one flight."""
+    """Figures of all methods on one flight."""
 
     flight: str  # what tables call it: its folder
     # by method and name of ``FIGURES``; empty where the flight came to nothing
@@ -53,12 +53,31 @@ class FlightsComparison:
     flights: tuple[FlightOutcome, ...]
 
     def __repr__(self) -> str:
-        """Return which methods ran on how many flights."""
+        """Return the names of the methods and the number of flights."""
         return f"<FlightsComparison: {', '.join(self.methods)} on {len(self.flights)} flights>"
+
+    @property
+    def failure(self) -> str | None:
+        """Why no method has a solution of any flight; None where one has."""
+        if any(outcome.figures for outcome in self.flights):
+            return None
+        why = self.flights[0].failure or "; ".join(self.flights[0].failures.values())
+        return f"no method has a solution of any flight, of the first: {why}"
+
+    @property
+    def contradictions(self) -> list[str]:
+        """Flights whose measurements some method found inconsistent."""
+        return [
+            outcome.flight
+            for outcome in self.flights
+            if any(method.get("verdicts") for method in outcome.detail.get("methods", {}).values())
+        ]
 
     def figure(self, name: str, method: str) -> FloatArray:
         """Return a figure of each flight, (n,); NaN where a method has none."""
-        return np.array([one.figures.get(method, {}).get(name, np.nan) for one in self.flights])
+        return np.array(
+            [outcome.figures.get(method, {}).get(name, np.nan) for outcome in self.flights]
+        )
 
     def pooled(self, name: str, method: str) -> Interval:
         """Return a figure over flights with its interval: root mean square, or mean."""
@@ -67,20 +86,20 @@ class FlightsComparison:
     def bound_deg(self, kind: str, angle: str) -> FloatArray:
         """Return a bound of each flight, (n,): ``"crlb_deg"`` or ``"posterior_deg"``."""
         return np.array(
-            [one.detail.get("bound", {}).get(kind, {}).get(angle) for one in self.flights],
+            [outcome.detail.get("bound", {}).get(kind, {}).get(angle) for outcome in self.flights],
             dtype=float,
         )
 
     def innovations(self, method: str) -> dict[str, tuple[float, int]]:
         """Return by kind of measurement its NIS over all flights, and the degrees of freedom."""
         by_kind: dict[str, list[tuple[float, int]]] = {}
-        for one in self.flights:
-            for test in one.detail.get("methods", {}).get(method, {}).get("consistency", ()):
+        for outcome in self.flights:
+            for test in outcome.detail.get("methods", {}).get(method, {}).get("consistency", ()):
                 by_kind.setdefault(test["what"], []).append((test["nis"], test["freedom"]))
-        total = {kind: sum(n for _, n in own) for kind, own in by_kind.items()}
+        total = {kind: sum(n for _, n in tests) for kind, tests in by_kind.items()}
         return {
-            kind: (sum(nis * n for nis, n in own) / total[kind], total[kind])
-            for kind, own in by_kind.items()
+            kind: (sum(nis * n for nis, n in tests) / total[kind], total[kind])
+            for kind, tests in by_kind.items()
             if total[kind]
         }
 
@@ -93,16 +112,16 @@ class FlightsComparison:
         """Return every figure in plain types; None, and null in JSON, where there is none."""
         others = self.methods[1:]
         content = {
-            "flights": {one.flight: _flight(one) for one in self.flights},
+            "flights": {outcome.flight: _flight(outcome) for outcome in self.flights},
             "pooled": {
                 method: {name: asdict(self.pooled(name, method)) for name in FIGURES}
                 for method in self.methods
             },
             "paired": {
                 method: {
-                    name: asdict(own) | {"is_significant": own.is_significant}
+                    name: asdict(gain) | {"is_significant": gain.is_significant}
                     for name in PAIRED
-                    if (own := self.paired(name, method)).flights
+                    if (gain := self.paired(name, method)).flights
                 }
                 for method in others
             },
@@ -169,9 +188,9 @@ def _lost(name: str, error: FgnavError) -> FlightOutcome:
     )
 
 
-def _flight(one: FlightOutcome) -> dict[str, Any]:
-    figures = {method: dict(own) for method, own in one.figures.items()}
-    return {**one.detail, "figures": figures, "failure": one.failure}
+def _flight(outcome: FlightOutcome) -> dict[str, Any]:
+    figures = {method: dict(values) for method, values in outcome.figures.items()}
+    return {**outcome.detail, "figures": figures, "failure": outcome.failure}
 
 
 def without_nan(content: Any) -> Any:  # noqa: ANN401  # any plain content

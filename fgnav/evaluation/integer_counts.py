@@ -15,7 +15,7 @@ from fgnav.types.integers import Integers
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IntegerCounts:
-    """What became of the links that carry an unknown integer, summed over all epochs.
+    """Counts of links with an unknown integer, summed over all epochs.
 
     Attributes
     ----------
@@ -73,9 +73,9 @@ def count_integers(
     )
     if true_cycles is None:
         return counts
-    judged = fixed & true_cycles.fixed
-    right = int((judged & (integers.cycles == true_cycles.cycles)).sum())
-    return replace(counts, right=right, wrong=int(judged.sum()) - right)
+    comparable = fixed & true_cycles.fixed
+    right = int((comparable & (integers.cycles == true_cycles.cycles)).sum())
+    return replace(counts, right=right, wrong=int(comparable.sum()) - right)
 
 
 def true_attitudes(truth: Truth, t_s: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -94,7 +94,7 @@ def integers_at(
     Parameters
     ----------
     R_nb : ndarray, shape (n, 3, 3)
-    known : ndarray of bool, shape (n,)
+    is_covered : ndarray of bool, shape (n,)
     """
     fixed = phase_links(differences) & is_covered[:, None, None]
     return Integers(

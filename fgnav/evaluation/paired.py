@@ -29,7 +29,7 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Paired:
-    """What a method gains against another one, on the flights that both have."""
+    """Gain of a method over another one, on the flights that both have."""
 
     flights: int  # pairs
     unpaired: int  # flights that one of both has no figure of: they are in no other number here
@@ -41,7 +41,7 @@ class Paired:
 
     @property
     def is_significant(self) -> bool:
-        """Whether both the interval of the ratio and the test leave chance out, at 5 %."""
+        """True if both the interval of the ratio and the test exclude chance, at 5 %."""
         return self.p_value < 1 - _LEVEL and not self.ratio.low <= 1 <= self.ratio.high
 
 
@@ -91,20 +91,15 @@ def pooled(figure: FloatArray, rng: np.random.Generator, *, squared: bool) -> In
         Whether it is itself a root mean square, whose squares are averaged.
     """
     finite = figure[np.isfinite(figure)][None]
-    return _interval(finite, _log_rms, rng, np.exp) if squared else _interval(finite, _mean, rng)
+    if not squared:
+        return _interval(finite, _mean, rng)
+    return _interval(np.concatenate([finite, np.ones_like(finite)]), _log_ratio, rng, np.exp)
 
 
 def _mean(samples: FloatArray) -> _Statistic:
     """Return mean and standard error of (1, ..., n)."""
     x = samples[0]
     return _Statistic(x.mean(axis=-1), _error(x))
-
-
-def _log_rms(samples: FloatArray) -> _Statistic:
-    """Return the log of the root mean square of (1, ..., n), and its standard error."""
-    square = samples[0] ** 2
-    mean = square.mean(axis=-1)
-    return _Statistic(np.log(mean) / 2, _error(square) / (2 * mean))
 
 
 def _log_ratio(samples: FloatArray) -> _Statistic:
@@ -143,13 +138,13 @@ def _interval(
     if not n:
         return Interval(value=np.nan, low=np.nan, high=np.nan)
     with np.errstate(all="ignore"):  # of one flight, or of resamples that are all alike
-        own = statistic(samples)
-        value, low, high = float(back(own.value)), np.nan, np.nan
-        if n >= _LEAST and own.error > 0:
+        nominal = statistic(samples)
+        value, low, high = float(back(nominal.value)), np.nan, np.nan
+        if n >= _LEAST and nominal.error > 0:
             resampled = _resampled(samples, statistic, rng)
-            t = (resampled.value - own.value) / resampled.error
+            t = (resampled.value - nominal.value) / resampled.error
             bounds = np.quantile(t[np.isfinite(t)], [(1 + _LEVEL) / 2, (1 - _LEVEL) / 2])
-            low, high = back(own.value - bounds * own.error).tolist()
+            low, high = back(nominal.value - bounds * nominal.error).tolist()
     return Interval(value=value, low=low, high=high)
 
 
@@ -164,8 +159,8 @@ def _resampled(
         for done in range(0, _RESAMPLES, rows)
     ]
     return _Statistic(
-        np.concatenate([part.value for part in parts]),
-        np.concatenate([part.error for part in parts]),
+        np.concatenate([block.value for block in parts]),
+        np.concatenate([block.error for block in parts]),
     )
 
 

@@ -6,7 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from fgnav.evaluation.reference import common_epochs, minus
+from fgnav.checks import FloatArray
+from fgnav.evaluation.reference import common_epochs
 from fgnav.evaluation.scores import EULER, Angles, angles, degrees, hidden, rms
 from fgnav.geometry import rotations
 from fgnav.types.estimate import Estimate
@@ -32,16 +33,20 @@ def pairwise(estimates: Sequence[Estimate]) -> tuple[Difference, ...]:
 def _difference(a: Estimate, b: Estimate) -> Difference:
     """Return the RMS difference of two estimates on their common epochs."""
     of_a, of_b = common_epochs(a.t_s, b.t_s)
+
+    def rms_of(x: FloatArray | None, y: FloatArray | None) -> float | None:
+        return None if x is None or y is None else rms(x[of_a] - y[of_b])
+
     lost = hidden(a) | hidden(b)
     R_a, R_b = a.R_nb[of_a], b.R_nb[of_b]
     euler_rad = rotations.wrap(rotations.to_euler(R_a) - rotations.to_euler(R_b))
     euler_rad[:, [name in lost for name in EULER]] = np.nan
-    turn_rad = rotations.log(rotations.transpose(R_a) @ R_b)
+    tangent_rad = rotations.log(rotations.transpose(R_a) @ R_b)
     return Difference(
         methods=(a.method, b.method),
         epochs=len(of_a),
         rms_deg=angles(euler_rad),
-        attitude_rms_deg=None if lost & set(EULER) else degrees(rms(turn_rad)),
-        position_rms_m=rms(minus(a.p_n_m, b.p_n_m, of_a, of_b)),
-        velocity_rms_mps=rms(minus(a.v_n_mps, b.v_n_mps, of_a, of_b)),
+        attitude_rms_deg=None if lost & set(EULER) else degrees(rms(tangent_rad)),
+        position_rms_m=rms_of(a.p_n_m, b.p_n_m),
+        velocity_rms_mps=rms_of(a.v_n_mps, b.v_n_mps),
     )

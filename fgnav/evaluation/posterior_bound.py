@@ -80,14 +80,14 @@ def true_states(flight: Flight, prepared: PreparedFlight) -> States:
     t_s, arm_b_m = problem.t_s, prepared.imu.position_b_m
     R_nb, w_b_radps = attitude_at(truth, t_s)[0], _rates_b_radps(truth, t_s)
     p_n_m, v_n_mps = (cubic_spline(truth.t_s, x, t_s) for x in (truth.p_n_m, truth.v_n_mps))
-    aux = np.zeros_like(problem.start.aux)
+    imu_states = np.zeros_like(problem.start.aux)
     if prepared.imu.w_b_radps is None:
-        aux[:, 3:6] = w_b_radps
+        imu_states[:, 3:6] = w_b_radps
     return States(
         R_nb=R_nb,
         p_n_m=p_n_m + R_nb @ arm_b_m,
         v_n_mps=v_n_mps + swing_n_mps(R_nb, w_b_radps, arm_b_m),
-        aux=aux,
+        aux=imu_states,
         constants=problem.start.constants,
     )
 
@@ -96,5 +96,5 @@ def _rates_b_radps(truth: Truth, t_s: FloatArray) -> FloatArray:
     """Return true body rates against n, (n, 3)."""
     before = np.clip(t_s - _APART_S / 2, truth.t_s[0], truth.t_s[-1] - _APART_S)
     after = before + _APART_S
-    turned = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
-    return np.asarray(turned / _APART_S)
+    rotation_rad = log(transpose(attitude_at(truth, before)[0]) @ attitude_at(truth, after)[0])
+    return np.asarray(rotation_rad / _APART_S)

@@ -1,4 +1,4 @@
-"""What an epoch is held against: the truth between its samples, or the same epoch of another."""
+"""References of an epoch: the truth between its samples, or the same epoch of another estimate."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ _GAP = 5.0  # an interval this many times the usual one is a gap: nothing is kno
 
 
 def covered(truth: Truth, t_s: FloatArray) -> BoolArray:
-    """Return which of (n,) epochs lie inside the truth's time span and in none of its gaps."""
+    """Select epochs, (n,), inside the truth's time span and in none of its gaps."""
     times_s = truth.t_s
     if len(times_s) < 2:
         return np.asarray(np.isin(np.round(t_s / _EDGE_S), np.round(times_s / _EDGE_S)))
@@ -77,14 +77,7 @@ def common_epochs(a_s: FloatArray, b_s: FloatArray) -> tuple[IntArray, IntArray]
     return of_a, of_b
 
 
-def minus(
-    a: FloatArray | None, b: FloatArray | None, of_a: IntArray, of_b: IntArray
-) -> FloatArray | None:
-    """Return some rows less some of another; None where one of both is None."""
-    return None if a is None or b is None else np.asarray(a[of_a] - b[of_b])
-
-
 def _before(times_s: FloatArray, t_s: FloatArray) -> IntArray:
     """Return the index of the last sample at or before each epoch, kept off the last sample."""
-    row = np.searchsorted(times_s, t_s, side="right") - 1
-    return np.asarray(row.clip(0, max(len(times_s) - 2, 0)))
+    index = np.searchsorted(times_s, t_s, side="right") - 1
+    return np.asarray(index.clip(0, max(len(times_s) - 2, 0)))

@@ -13,7 +13,7 @@ from fgnav.attitude.baseline_angles import (
 from fgnav.attitude.receiver_baselines import KNOWN_RAD
 from fgnav.checks import FloatArray, Unused
 from fgnav.evaluation.integer_counts import IntegerCounts
-from fgnav.evaluation.reference import covered, minus, truth_at
+from fgnav.evaluation.reference import covered, truth_at
 from fgnav.geometry import rotations
 from fgnav.types.estimate import Consistency, Errors, Estimate, GraphSummary, Verdict
 from fgnav.types.flight import Flight, Truth
@@ -119,27 +119,18 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     """Return the errors of an estimate at its own epochs, the truth interpolated to them."""
     inside = covered(truth, estimate.t_s)
     real = truth_at(truth, estimate.t_s[inside])
+
+    def at(values: FloatArray | None, less: FloatArray | float = 0.0) -> FloatArray | None:
+        return None if values is None else np.asarray(values[inside] - less)
+
     R_nb = estimate.R_nb[inside]
     euler_rad = rotations.wrap(rotations.to_euler(R_nb) - rotations.to_euler(real.R_nb))
     euler_rad[:, [name in hidden(estimate) for name in EULER]] = np.nan
     tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
-    attitude, position, velocity = (
-        None if P is None else P[inside]
-        for P in (
-            estimate.attitude_covariance_rad2,
-            estimate.position_covariance_m2,
-            estimate.velocity_covariance_m2ps2,
-        )
-    )
-    sigma_rad, position_sigma_m, velocity_sigma_mps = (
-        None if sigma is None else sigma[inside]
-        for sigma in (estimate.sigma_rad, estimate.position_sigma_m, estimate.velocity_sigma_mps)
-    )
-    everywhere = np.arange(len(real.t_s))
-    rows = np.flatnonzero(inside)
-    position_n_m = minus(estimate.p_n_m, real.p_n_m, rows, everywhere)
-    velocity_n_mps = minus(estimate.v_n_mps, real.v_n_mps, rows, everywhere)
-    nees = _nees(tangent_b_rad, attitude, _attitude_covariance(real))
+    position_n_m = at(estimate.p_n_m, real.p_n_m)
+    velocity_n_mps = at(estimate.v_n_mps, real.v_n_mps)
+    position, velocity = estimate.position_covariance_m2, estimate.velocity_covariance_m2ps2
+    nees = _nees(tangent_b_rad, at(estimate.attitude_covariance_rad2), _attitude_covariance(real))
     outside = int((~inside).sum())
     unused = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
@@ -152,11 +143,11 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         position_n_m=position_n_m,
         velocity_n_mps=velocity_n_mps,
         nees=nees,
-        sigma_rad=sigma_rad,
-        position_sigma_m=position_sigma_m,
-        velocity_sigma_mps=velocity_sigma_mps,
-        position_nees=_nees(position_n_m, position, _diagonal(real.position_sigma_m)),
-        velocity_nees=_nees(velocity_n_mps, velocity, _diagonal(real.velocity_sigma_mps)),
+        sigma_rad=at(estimate.sigma_rad),
+        position_sigma_m=at(estimate.position_sigma_m),
+        velocity_sigma_mps=at(estimate.velocity_sigma_mps),
+        position_nees=_nees(position_n_m, at(position), _diagonal(real.position_sigma_m)),
+        velocity_nees=_nees(velocity_n_mps, at(velocity), _diagonal(real.velocity_sigma_mps)),
         unused=tuple(Unused(what=w, reason=r, count=c) for w, r, c in unused if c),
     )
 
@@ -213,12 +204,12 @@ def hidden(estimate: Estimate) -> set[str]:
 def median_sigmas(estimate: Estimate) -> MedianSigmas:
     """Return medians of what an estimate states of its errors, of what it observes."""
     lost, euler_deg = hidden(estimate), estimate.sigma_deg
-    stated: dict[str, float] = {}
+    sigmas: dict[str, float] = {}
     if euler_deg is not None and len(euler_deg):
         medians = dict(zip(EULER, np.median(euler_deg, axis=0).tolist(), strict=True))
-        stated = {name: value for name, value in medians.items() if name not in lost}
+        sigmas = {name: value for name, value in medians.items() if name not in lost}
     return MedianSigmas(
-        euler_deg=Angles(**stated),
+        euler_deg=Angles(**sigmas),
         position_m=None if "position" in lost else _size(estimate.position_covariance_m2),
         velocity_mps=None if "velocity" in lost else _size(estimate.velocity_covariance_m2ps2),
     )
@@ -329,7 +320,7 @@ def baseline_figures(flight: Flight, estimate: Estimate) -> tuple[BaselineFigure
             of = dict(zip(_SIGMAS, np.degrees(medians_rad).tolist(), strict=True))
         if flight.truth is not None:
             errors = baseline_errors_rad(angles, flight.truth, unit_b)
-            sizes = (degrees(rms(one[np.isfinite(one)])) for one in errors.T)
+            sizes = (degrees(rms(error[np.isfinite(error)])) for error in errors.T)
             of |= dict(zip(_ERRORS, sizes, strict=True))
             of["nees_mean"] = _mean(_nees(errors, angles.covariance_rad2))
         figures.append(BaselineFigures(name=name, **of))

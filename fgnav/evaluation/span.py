@@ -1,11 +1,11 @@
 """A part of a recording: what was measured between two times of a flight."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray
+from fgnav.assembly.truncation import truncated
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.types.flight import Flight
 
 
@@ -31,30 +31,15 @@ def within(flight: Flight, from_s: float | None, until_s: float | None) -> Fligh
     high = np.inf if until_s is None else until_s
     if not low < high:
         raise BadInputError(f"--from {low:g} --until {high:g}: the first must be the earlier")
-    records = {
-        name: one[_around(one.t_s, low, high) if name == "truth" else _between(one.t_s, low, high)]
-        for name, one in flight.records.items()
-    }
-    records = {name: one for name, one in records.items() if len(one.t_s)}
-    parts: dict[str, Any] = {}
-    if flight.observations is not None:
-        observations = flight.observations
-        parts["observations"] = observations[_between(observations.t_s, low, high)]
-    if not (records.keys() - {"truth"} or any(len(part.t_s) for part in parts.values())):
+    cut = truncated(flight, high, after_s=float(np.nextafter(low, -np.inf)))
+    if cut.observations is None and not cut.records.keys() - {"truth"}:
         raise BadInputError(
             f"--from {low:g} --until {high:g}: flight {flight.name!r} measured nothing then"
         )
-    if flight.base is not None:
-        observations = flight.base.observations
-        observations = observations[_between(observations.t_s, low, high)]
-        parts["base"] = replace(flight.base, observations=observations)
-    if flight.initial is not None and low > _first_s(flight):
-        parts["initial"] = None
-    return replace(flight, **parts).with_records(records)
-
-
-def _between(t_s: FloatArray, low: float, high: float) -> BoolArray:
-    return np.asarray((t_s >= low) & (t_s <= high))
+    if flight.truth is not None:
+        truth = flight.truth[_around(flight.truth.t_s, low, high)]
+        cut = replace(cut, truth=truth if len(truth.t_s) else None)
+    return replace(cut, initial=None) if low > _first_s(flight) else cut
 
 
 def _around(t_s: FloatArray, low: float, high: float) -> slice:
@@ -66,5 +51,5 @@ def _around(t_s: FloatArray, low: float, high: float) -> slice:
 def _first_s(flight: Flight) -> float:
     """Return when the first measurement was made."""
     records = {**flight.records, "gnss": flight.observations, "truth": None}
-    times = (one.t_s for one in records.values() if one is not None and len(one.t_s))
+    times = (record.t_s for record in records.values() if record is not None and len(record.t_s))
     return min((float(t_s[0]) for t_s in times), default=0.0)

@@ -48,6 +48,7 @@ _ROTATIONS = 8 * pi**2  # volume of all rotations, by the body tangent in rad
 class ValidatedArray:
     """Phases of the array that agree, epoch by epoch."""
 
+    differences: DoubleDifferences
     integers: Integers  # adapted, and without the links that are excluded
     # Of the links that take part, the noise raised to what their residuals ask for.
     form: RotationQuadratic
@@ -107,7 +108,8 @@ class _Phases:
 
     def without(self, rows: IntArray, links: BoolArray) -> "_Phases":
         ranges_m = self.ranges_m.copy()
-        ranges_m[rows] = _without(self.all_m[rows], links)
+        lost = links[:, 1:] | links[:, :1]  # the reference antenna takes all
+        ranges_m[rows] = np.where(lost, np.nan, self.all_m[rows])
         of_rows = RotationQuadratic.of_ranges(self.differences.resampled(rows), ranges_m[rows])
         form = self.form.with_rows(rows, of_rows)
         attitude = searched_again(self.attitude, form, rows, self.attitude.R_nb[rows])
@@ -136,8 +138,8 @@ def validated(
     causal : bool
         Each epoch by epochs up to it alone; so must be the integers.
     """
-    believed, phases = _held_by_arcs(differences, integers, false_alarm, causal=causal)
-    phases, excluded = exclude_links(phases, believed.fixed, _ROUNDS)
+    adapted, phases = _held_by_arcs(differences, integers, false_alarm, causal=causal)
+    phases, excluded = exclude_links(phases, adapted.fixed, _ROUNDS)
     refused = phases.fails()
     factor = _variance_factor(phases.attitude, causal=causal)
     form, attitude = phases.form, phases.attitude
@@ -145,13 +147,14 @@ def validated(
         form = form.with_variance_factor(factor)
         raised = np.flatnonzero(factor != 1.0)
         attitude = searched_again(attitude, form, raised, attitude.R_nb[raised])
-    change = np.where(integers.fixed & believed.fixed, believed.cycles - integers.cycles, 0)
-    fixed = believed.fixed & np.isfinite(phases.ranges_m)
+    change = np.where(integers.fixed & adapted.fixed, adapted.cycles - integers.cycles, 0)
+    fixed = adapted.fixed & np.isfinite(phases.ranges_m)
     if excluded.any():
-        believed = replace(believed, fixed=fixed, cycles=np.where(fixed, believed.cycles, 0))
+        adapted = replace(adapted, fixed=fixed, cycles=np.where(fixed, adapted.cycles, 0))
     here = ~refused[:, None, None]
     return ValidatedArray(
-        integers=believed,
+        differences=differences,
+        integers=adapted,
         form=form,
         attitude=attitude,
         ranges_m=phases.ranges_m,
@@ -160,7 +163,7 @@ def validated(
         rejections=_listed(differences, antennas, change * (fixed & here), excluded),
         notes=(
             *noise_notes(float(factor[-1]) if len(factor) else 1.0),
-            *_filled_note(differences, integers, believed),
+            *_filled_note(differences, integers, adapted),
         ),
     )
 
@@ -238,15 +241,10 @@ def _votes(
     return np.where(sound, votes.clip(0.0, 1.0), 0.0)
 
 
-def _without(ranges_m: FloatArray, links: BoolArray) -> FloatArray:
-    """Return ranges without some links, (n, b + 1, m); the reference antenna takes all."""
-    return np.where(links[:, 1:] | links[:, :1], np.nan, ranges_m)
-
-
 def _filled_note(
-    differences: DoubleDifferences, resolved: Integers, believed: Integers
+    differences: DoubleDifferences, resolved: Integers, adapted: Integers
 ) -> tuple[str, ...]:
-    new = believed.fixed & ~resolved.fixed
+    new = adapted.fixed & ~resolved.fixed
     if not new.any():
         return ()
     none = new.any(axis=(1, 2)) & ~resolved.fixed.any(axis=(1, 2))

@@ -10,8 +10,8 @@ from fgnav.checks import BoolArray, FloatArray
 from fgnav.messages import note
 from fgnav.types.flight import Imu
 
-_FEWEST = 100
-_FEWEST_FRESH = 8  # samples of which every other one gives a cubic
+_MINIMUM = 100
+_MINIMUM_FRESH = 8  # samples of which every other one gives a cubic
 _ROUNDED = 1e-3  # of a step: what digits of a file leave
 _ORDER = 4  # of a cubic's error in the spacing of its nodes
 SENSORS = (("accelerometer", "f_b_mps2", "mps2"), ("gyroscope", "w_b_radps", "radps"))
@@ -38,7 +38,7 @@ def with_noise_of_record(imu: Imu) -> tuple[Imu, tuple[str, ...]]:
     .. [1] de Boor, A Practical Guide to Splines, 2001, chapter V: h^4.
     .. [2] Widrow and Kollar, Quantization Noise, 2008, chapter 4.
     """
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return imu, ()
     interval_s, noisier, notes = float(np.median(np.diff(imu.t_s))), imu, []
     for name, field, unit in SENSORS:
@@ -86,14 +86,14 @@ def is_repeated(x: FloatArray, *, causal: bool = False) -> BoolArray:
     """
     same = np.append(False, (np.diff(x, axis=0) == 0).all(axis=1))
     fresh = np.flatnonzero(~same)
-    if len(x) < _FEWEST or len(fresh) < _FEWEST_FRESH:
+    if len(x) < _MINIMUM or len(fresh) < _MINIMUM_FRESH:
         return np.zeros(len(x), dtype=np.bool_)
     runs = np.diff(fresh)  # each ends where the next is fresh
     even, many = np.zeros(len(x)), np.zeros(len(x))
     many[fresh[1:]], even[fresh[2:]] = 1.0, runs[1:] == runs[:-1]
     repeats, even, many = np.cumsum(same), np.cumsum(even), np.cumsum(many)
     k = np.arange(1, len(x) + 1)
-    is_held = (repeats > k / 2) & (even > many / 2) & (k >= _FEWEST)
+    is_held = (repeats > k / 2) & (even > many / 2) & (k >= _MINIMUM)
     return np.asarray(same & (is_held if causal else is_held[-1]))
 
 
@@ -102,12 +102,12 @@ def coarse_step(x: FloatArray, noise: float) -> Step | None:
 
     ``noise``: 1-sigma of a sample.
     """
-    apart = [np.diff(np.unique(column)) for column in x.T]
-    sizes = [float(one.min()) if len(one) else 0.0 for one in apart]
+    steps = [np.diff(np.unique(column)) for column in x.T]
+    sizes = [float(one.min()) if len(one) else 0.0 for one in steps]
     axis = int(np.argmax(sizes))
     if sizes[axis] < noise * np.sqrt(12):
         return None
-    multiple = apart[axis] / sizes[axis]
+    multiple = steps[axis] / sizes[axis]
     if (np.abs(multiple - np.rint(multiple)) > _ROUNDED).any():
         return None
     return Step(axis, sizes[axis])
@@ -115,5 +115,5 @@ def coarse_step(x: FloatArray, noise: float) -> Step | None:
 
 def _between(t_s: FloatArray, x: FloatArray) -> float:
     """Return the variance of what a cubic errs by between samples, of the noisiest axis."""
-    off = x[1:-1:2] - CubicSpline(t_s[::2], x[::2])(t_s[1:-1:2])
-    return float((off**2).mean(axis=0).max() / 4**_ORDER)
+    error = x[1:-1:2] - CubicSpline(t_s[::2], x[::2])(t_s[1:-1:2])
+    return float((error**2).mean(axis=0).max() / 4**_ORDER)

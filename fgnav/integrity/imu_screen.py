@@ -16,26 +16,31 @@ _NORMAL = 1.4826  # sigma of normal noise over its median size
 _SIGMAS = 20.0
 _NEIGHBOURS = 6.0  # sigmas by which neighbours of a spike may differ
 _NEAR = 25  # samples on either side: a median of 51 tells sigma to 16 %, half may be spikes
-_FEWEST = 100
+_MINIMUM = 100
 _AXES = "xyz"
 _FALSE_ALARM = 1e-4  # of each test on a right record
 STUCK = "all axes repeat the sample before, more often than by chance: left out"
 
 
-def without_faulty(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
+def screen_imu(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples of a stuck unit, and without spikes, and their numbers."""
     imu, repeated = without_repeated(imu)
     x = _of_all_axes(imu)
-    stuck = stuck_samples(x) if len(x) >= _FEWEST else np.zeros(len(x), dtype=np.bool_)
-    if (np.diff(x, axis=0) == 0).all():  # all else contradicts it
-        stuck[:] = False
-    count = int(stuck.sum())
-    moving, of_axes = without_stuck_axes(imu[~stuck] if count else imu)
-    mended, of_spikes = without_spikes(moving)
-    unused = (*of_axes, *of_spikes)
-    if count:
-        unused = (Unused(what="inertial sample", reason=STUCK, count=count), *unused)
-    return mended, (*repeated, *unused)
+    is_constant = (np.diff(x, axis=0) == 0).all()  # all else contradicts it
+    is_tested = len(x) >= _MINIMUM and not is_constant
+    stuck = stuck_samples(x) if is_tested else np.zeros(len(x), dtype=np.bool_)
+    moving, of_all = _without(imu, stuck, STUCK)
+    moving, of_axes = without_stuck_axes(moving)
+    corrected, of_spikes = without_spikes(moving)
+    return corrected, (*repeated, *of_all, *of_axes, *of_spikes)
+
+
+def _without(imu: Imu, faulty: BoolArray, reason: str) -> tuple[Imu, tuple[Unused, ...]]:
+    """Return a record without some samples, (k,), and their number."""
+    count = int(faulty.sum())
+    if not count:
+        return imu, ()
+    return imu[~faulty], (Unused(what="inertial sample", reason=reason, count=count),)
 
 
 def without_repeated(imu: Imu, *, causal: bool = False) -> tuple[Imu, tuple[Unused, ...]]:
@@ -63,9 +68,9 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     At the end of its range, or broken: what it measures nobody knows whenever it has that value.
     A record of which hardly anything would be left is kept: all else contradicts it.
     """
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return imu, ()
-    stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), []
+    stuck, unused = np.zeros(len(imu.t_s), dtype=np.bool_), list[Unused]()
     for name, field, _ in SENSORS:
         x = getattr(imu, field)
         for axis in range(0 if x is None else 3):
@@ -74,25 +79,14 @@ def without_stuck_axes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
             while run is not None:
                 in_run |= x[:, axis] == x[run[0], axis]
                 run = stuck_axis(x, axis, in_run)
-            if in_run.any():
-                reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not"
-                unused.append(
-                    Unused(
-                        what="inertial sample",
-                        reason=f"{reason}: left out",
-                        count=int(in_run.sum()),
-                    )
-                )
+            reason = f"axis {_AXES[axis]} of the {name} stands still, the others do not: left out"
+            unused += _without(imu, in_run, reason)[1]
             stuck |= in_run
-    return (imu[~stuck], tuple(unused)) if unused and _goes_on(imu.t_s, ~stuck) else (imu, ())
-
-
-def _goes_on(t_s: FloatArray, is_left: BoolArray) -> bool:
-    """Return True if enough is left: in length, or of most seconds one sample."""
-    left_s, duration_s = t_s[is_left], float(np.ptp(t_s))
-    if len(left_s) >= _FEWEST:
-        return True
-    return len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
+    left_s, duration_s = imu.t_s[~stuck], float(np.ptp(imu.t_s))
+    is_enough = len(left_s) > max(duration_s, 1.0) and float(np.ptp(left_s)) > duration_s / 2
+    if unused and (len(left_s) >= _MINIMUM or is_enough):
+        return imu[~stuck], tuple(unused)
+    return imu, ()
 
 
 def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] | None:
@@ -125,7 +119,7 @@ def stuck_axis(x: FloatArray, axis: int, in_runs: BoolArray) -> tuple[int, int] 
 
 def stuck_unit(imu: Imu) -> tuple[int, int] | None:
     """Return first sample and number of the longest run of equal ones of all axes, or None."""
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return None
     x = _of_all_axes(imu)
     return None if (np.diff(x, axis=0) == 0).all() else stuck_run(x)
@@ -149,8 +143,8 @@ def stuck_run(x: FloatArray) -> tuple[int, int] | None:
     """
     same = (np.diff(x, axis=0) == 0).all(axis=1)
     first, length = longest_run(same)
-    rest = np.delete(same, slice(first, first + length))
-    share = float((rest.sum() + 1) / (len(rest) + 2))
+    others = np.delete(same, slice(first, first + length))
+    share = float((others.sum() + 1) / (len(others) + 2))
     return (first, length) if is_unlikely(length, share, len(x)) else None
 
 
@@ -177,7 +171,7 @@ def is_unlikely(length: int, share: float, n: int) -> bool:
     return length > 1 and n * share**length < _FALSE_ALARM
 
 
-def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
+def screen_imu_causally(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record without samples that, by those up to each, are of a stuck unit."""
     imu, unused = without_repeated(imu, causal=True)
     x = _of_all_axes(imu)
@@ -185,16 +179,14 @@ def without_stuck_so_far(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     k = np.arange(len(x))
     run = k - np.maximum.accumulate(np.where(same, 0, k))  # equal ones in a row, up to each
     share = (np.cumsum(same) - run + 1) / (k - run + 2)  # of those before the row
-    stuck = (run > 1) & (run < k) & (k >= _FEWEST) & (k * share**run < _FALSE_ALARM)
-    if not stuck.any():
-        return imu, unused
-    stuck_loss = Unused(what="inertial sample", reason=STUCK, count=int(stuck.sum()))
-    return imu[~stuck], (*unused, stuck_loss)
+    stuck = (run > 1) & (run < k) & (k >= _MINIMUM) & (k * share**run < _FALSE_ALARM)
+    moving, of_all = _without(imu, stuck, STUCK)
+    return moving, (*unused, *of_all)
 
 
 def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
     """Return a record whose spikes are replaced by the means of their neighbours."""
-    if len(imu.t_s) < _FEWEST:
+    if len(imu.t_s) < _MINIMUM:
         return imu, ()
     force, of_force = _replaced(imu.f_b_mps2)
     rate, of_rate = (None, of_force[:0]) if imu.w_b_radps is None else _replaced(imu.w_b_radps)
@@ -209,16 +201,16 @@ def without_spikes(imu: Imu) -> tuple[Imu, tuple[Unused, ...]]:
 
 def _replaced(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return samples, (k, 3), without spikes of their axes, and which have some, (k,)."""
-    middle, apart = np.empty_like(x), np.empty_like(x)
-    middle[1:-1], apart[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
+    middle, change = np.empty_like(x), np.empty_like(x)
+    middle[1:-1], change[1:-1] = (x[2:] + x[:-2]) / 2, np.abs(x[2:] - x[:-2])
     for end, one, two in ((0, 1, 2), (-1, -2, -3)):  # by a straight line
-        middle[end], apart[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
-    off = np.abs(x - middle)
-    sigma = _NORMAL * np.median(off, axis=0)
-    spike = (off > _SIGMAS * sigma) & (off > _SIGMAS / _NEIGHBOURS * apart) & (sigma > 0)
+        middle[end], change[end] = 2 * x[one] - x[two], 2 * np.abs(x[one] - x[two])
+    residual = np.abs(x - middle)
+    sigma = _NORMAL * np.median(residual, axis=0)
+    spike = (residual > _SIGMAS * sigma) & (residual > _SIGMAS / _NEIGHBOURS * change) & (sigma > 0)
     for i, axis in np.argwhere(spike):  # where all around is louder it is noise
-        near = off[max(i - _NEAR, 0) : i + _NEAR + 1, axis]
-        spike[i, axis] = off[i, axis] > _SIGMAS * _NORMAL * np.median(near)
+        near = residual[max(i - _NEAR, 0) : i + _NEAR + 1, axis]
+        spike[i, axis] = residual[i, axis] > _SIGMAS * _NORMAL * np.median(near)
     k, mended = np.arange(len(x)), x.copy()
     for axis in np.flatnonzero(spike.any(axis=0)):
         bad = spike[:, axis]

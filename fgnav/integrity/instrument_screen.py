@@ -8,7 +8,7 @@ from fgnav.integrity.imu_screen import STUCK, stuck_samples
 from fgnav.types.flight import Flight
 
 
-def without_stuck(flight: Flight) -> tuple[Flight, tuple[Unused, ...]]:
+def screen_instruments(flight: Flight) -> tuple[Flight, tuple[Unused, ...]]:
     """Return a flight without samples of stuck instruments, and their numbers.
 
     The rule is that of a stuck unit (``imu_screen``). Of a detector that sees nothing all

@@ -28,7 +28,7 @@ FALSE_ALARM = 0.01  # of a flight
 # receivers that filter, and a faint beacon, for seconds and for one.
 TOLERATED, _TOLERATED_BLOCK = 2.25, {5.0: 6.0, 1.0: 16.0}
 _TOLERATED_CORRELATION = 0.55
-_FEWEST = 5  # measurements of a block
+_MINIMUM = 5  # measurements of a block
 _MOST = 5  # verdicts of a sensor: the largest
 
 
@@ -66,17 +66,17 @@ def judge(
         others = np.ones(len(one.t_s), dtype=np.bool_)
         for block in blocks:
             others &= (one.t_s < block.from_s) | (one.t_s > block.until_s)
-        rest = one._replace(squared=one.squared[others], freedom=one.freedom[others])
-        verdicts += _of_record(one, rest, rate) or blocks or _of_correlation(one, rate)
+        remainder = one._replace(squared=one.squared[others], freedom=one.freedom[others])
+        verdicts += _of_record(one, remainder, rate) or blocks or _of_correlation(one, rate)
     return tuple(verdicts)
 
 
-def _of_record(one: InnovationSeries, rest: InnovationSeries, rate: float) -> list[Verdict]:
-    """Return a verdict of all of a record if ``rest``, without its worst blocks, has one, too."""
-    if not int(rest.freedom.sum()):
-        rest = one
-    limit = max(TOLERATED, limit_of(rest.squared, rest.freedom, rate))
-    if rest.nis <= limit:
+def _of_record(one: InnovationSeries, remainder: InnovationSeries, rate: float) -> list[Verdict]:
+    """Return a verdict of all of a record if ``remainder``, without its worst blocks, has one."""
+    if not int(remainder.freedom.sum()):
+        remainder = one
+    limit = max(TOLERATED, limit_of(remainder.squared, remainder.freedom, rate))
+    if remainder.nis <= limit:
         return []
     return [_verdict(one, (0, len(one.t_s)), one.nis, limit, "record")]
 
@@ -87,8 +87,12 @@ def limit_of(squared: FloatArray, freedom: IntArray, rate: float) -> float:
     All of them are worth one where they are too few for any correlation to show.
     """
     total = int(freedom.sum())
-    apart = (squared - freedom) / np.sqrt(2 * freedom.clip(1))
-    longer = correlated((apart - apart.mean())[:, None]) if len(apart) > SHOWN_BY else len(apart)
+    normalised = (squared - freedom) / np.sqrt(2 * freedom.clip(1))
+    longer = (
+        correlated((normalised - normalised.mean())[:, None])
+        if len(normalised) > SHOWN_BY
+        else len(normalised)
+    )
     effective = max(total / longer, 1.0)
     return float(chdtri(effective, rate) / effective)
 
@@ -132,7 +136,7 @@ def _blocks(t_s: FloatArray, length_s: float) -> IntArray:
     """Return where blocks of a length begin, of five measurements at least."""
     k = len(t_s)
     step_s = max(float(np.median(np.diff(t_s))) if k > 1 else 1.0, 1e-9)
-    return np.arange(0, k, max(_FEWEST, round(length_s / step_s)))
+    return np.arange(0, k, max(_MINIMUM, round(length_s / step_s)))
 
 
 def _verdict(

@@ -22,24 +22,15 @@ def interval_s(t_s: FloatArray) -> float:
 
 
 def tolerance_s(t_s: FloatArray) -> float:
-    """Return how far two receivers' tags of one epoch may lie apart."""
+    """Return the largest difference of two receivers' timestamps of an epoch."""
     return min(_TOLERANCE * interval_s(t_s), _LARGEST_TOLERANCE_S)
 
 
 def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
-    """Return the epochs a receiver aimed at: time tags on the grid of their interval, or of 1 s.
+    """Return the epochs a receiver aimed at, (n,): timestamps on the grid of their interval.
 
-    Parameters
-    ----------
-    tag_s : ndarray, shape (n,)
-        Time tags since the start.
-    start_gps_s : float
-        The start; the grid is that of GPS time.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The tags themselves if they keep no grid of whole milliseconds.
+    The grid is that of GPS time, of 1 s at most; timestamps that keep none of whole milliseconds
+    stay as they are.
     """
     step_s = min(max(round(interval_s(tag_s) / _GRID_S), 1) * _GRID_S, 1.0)
     step = round(step_s * TICKS_PER_S)
@@ -53,23 +44,8 @@ def nominal_epochs(tag_s: FloatArray, start_gps_s: float) -> FloatArray:
 def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observations:
     """Merge observations of one antenna each; the first is the reference and gives the epochs.
 
-    Parameters
-    ----------
-    per_antenna : sequence of Observations
-        One antenna each.
-    names : sequence of str
-        Their names, for the unused.
-
-    Returns
-    -------
-    Observations
-        On the reference antenna's epochs and the union of channels. An antenna without an epoch has
-        gaps there, and the epoch itself as its tag. Epochs that the reference lacks are counted.
-
-    Raises
-    ------
-    BadInputError
-        If there is no antenna, or an antenna shares no epoch with the reference.
+    They have the union of channels. An antenna without an epoch has gaps there, and the epoch
+    itself as its timestamp. Epochs that the reference lacks are counted.
     """
     if not per_antenna:
         raise BadInputError("antennas: at least one is needed")
@@ -77,26 +53,26 @@ def merge(per_antenna: Sequence[Observations], names: Sequence[str]) -> Observat
         only = per_antenna[0]
         return replace(only, unused=_named(only.unused, names[0]))
     t_s = per_antenna[0].t_s
-    pairs = [list(zip(one.satellites, one.signals, strict=True)) for one in per_antenna]
+    pairs = [list(zip(some.satellites, some.signals, strict=True)) for some in per_antenna]
     channels = sorted({pair for some in pairs for pair in some})
     shape = (len(t_s), len(per_antenna), len(channels))
     arrays: dict[str, Any] = {name: np.full(shape, np.nan) for name in _VALUES}
     arrays["lock_flags"] = np.zeros(shape, np.uint8)
     tag_s = np.repeat(t_s[:, None], len(per_antenna), axis=1)
     unused: list[Unused] = []
-    for a, (one, name) in enumerate(zip(per_antenna, names, strict=True)):
-        rows, common = _matched(t_s, one.t_s)
+    for a, (receiver, name) in enumerate(zip(per_antenna, names, strict=True)):
+        rows, common = _matched(t_s, receiver.t_s)
         if not len(rows):
             raise BadInputError(f"antenna {name}: shares no epoch with antenna {names[0]}")
         columns = np.array([channels.index(pair) for pair in pairs[a]], int)
         for field, array in arrays.items():
-            array[np.ix_(common, np.array([a]), columns)] = getattr(one, field)[rows]
-        tag_s[common, a] = one.tag_s[rows, 0]
-        unused += _named(one.unused, name)
-        if len(rows) < len(one.t_s):
+            array[np.ix_(common, np.array([a]), columns)] = getattr(receiver, field)[rows]
+        tag_s[common, a] = receiver.tag_s[rows, 0]
+        unused += _named(receiver.unused, name)
+        if len(rows) < len(receiver.t_s):
             reason = f"the reference antenna {names[0]} has no such epoch"
             unused.append(
-                Unused(what=f"{name} epoch", reason=reason, count=len(one.t_s) - len(rows))
+                Unused(what=f"{name} epoch", reason=reason, count=len(receiver.t_s) - len(rows))
             )
     return Observations(
         t_s=t_s,
@@ -114,11 +90,11 @@ def _matched(reference_s: FloatArray, t_s: FloatArray) -> tuple[IntArray, IntArr
     before = after - 1
     after = after.clip(max=len(reference_s) - 1)
     nearer = np.abs(reference_s[after] - t_s) < np.abs(reference_s[before] - t_s)
-    row = np.where(nearer, after, before)
-    mine = np.flatnonzero(np.abs(reference_s[row] - t_s) <= tolerance_s(reference_s))
+    nearest = np.where(nearer, after, before)
+    mine = np.flatnonzero(np.abs(reference_s[nearest] - t_s) <= tolerance_s(reference_s))
     # Two epochs of one receiver within the tolerance of one of the reference: the first counts.
-    _, first = np.unique(row[mine], return_index=True)
-    return mine[first], row[mine[first]]
+    _, first = np.unique(nearest[mine], return_index=True)
+    return mine[first], nearest[mine[first]]
 
 
 def _named(unused: tuple[Unused, ...], name: str) -> tuple[Unused, ...]:

@@ -24,23 +24,12 @@ def atomic_file(path: Path, *, tidy: bool = True) -> AbstractContextManager[Path
     tidy : bool
         Whether to remove what killed writers of ``path`` have left, which lists its folder. One
         who writes a million files into a folder does that once, before.
-
-    Raises
-    ------
-    BadInputError
-        If the place cannot be written.
     """
     return _atomic(path, Path.touch, tidy=tidy)
 
 
 def atomic_folder(path: Path) -> AbstractContextManager[Path]:
-    """Yield a temporary folder beside ``path``, as ``atomic_file`` does; ``path`` is empty or new.
-
-    Raises
-    ------
-    BadInputError
-        If the folder cannot be made, or something in it cannot be written.
-    """
+    """Yield a temporary folder, as ``atomic_file`` does; ``path`` is empty or new."""
     made_folder(path.parent)
     return _atomic(path, Path.mkdir, tidy=True)
 
@@ -48,33 +37,29 @@ def atomic_folder(path: Path) -> AbstractContextManager[Path]:
 @contextmanager
 def _atomic(path: Path, make: Callable[[Path], None], *, tidy: bool) -> Iterator[Path]:
     """Yield what is made beside ``path`` and takes its name."""
-    part = _part(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        make(part)
+        make(temporary)
         if tidy:
             _remove_leftovers(path)
-        yield part
-        part.replace(path)
+        yield temporary
+        temporary.replace(path)
     except OSError as error:
-        raise _cannot_be_written(path, error) from error
+        mend = f"; free space in {path.resolve().parent}" if error.errno in _FULL else ""
+        text = f"{path}: cannot be written: {error.strerror or error}{mend}"
+        raise BadInputError(text) from error
     finally:
-        _remove(part)
+        _remove(temporary)
 
 
 def write_text(path: Path, text: str, *, tidy: bool = True) -> None:
     """Write a text file, whole or not at all; parameters and errors as of ``atomic_file``."""
-    with atomic_file(path, tidy=tidy) as part:
-        part.write_text(text, encoding="utf-8")
+    with atomic_file(path, tidy=tidy) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def check_place(path: Path) -> None:
-    """Raise unless a file of that name could be written.
-
-    Raises
-    ------
-    BadInputError
-        If its folder is absent, or it is a folder itself.
-    """
+    """Raise unless a file of that name could be written."""
     if not path.parent.is_dir():
         raise BadInputError(f"{path}: its folder does not exist; make it first")
     if path.is_dir():
@@ -82,14 +67,8 @@ def check_place(path: Path) -> None:
 
 
 def check_folder(path: Path) -> None:
-    """Raise unless a folder is there to be written, or could be made; nothing is made yet.
-
-    Raises
-    ------
-    BadInputError
-        If a file is in the way, or the first folder above it that exists may not be written.
-    """
-    nearest = next((one for one in (path, *path.parents) if one.exists()), Path())
+    """Raise unless a folder is there to be written, or could be made; nothing is made yet."""
+    nearest = next((parent for parent in (path, *path.parents) if parent.exists()), Path())
     if not nearest.is_dir():
         raise _file_in_way(nearest)
     if not os.access(nearest, os.W_OK | os.X_OK):
@@ -97,17 +76,11 @@ def check_folder(path: Path) -> None:
 
 
 def made_folder(path: Path) -> Path:
-    """Make a folder and those above it where they are absent; return it.
-
-    Raises
-    ------
-    BadInputError
-        If it cannot be made.
-    """
+    """Make a folder and those above it where they are absent; return it."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError):
-        file = next((one for one in (path, *path.parents) if one.is_file()), path)
+        file = next((parent for parent in (path, *path.parents) if parent.is_file()), path)
         raise _file_in_way(file) from None
     except OSError as error:
         raise BadInputError(f"{path}: cannot be made: {error.strerror or error}") from error
@@ -116,15 +89,6 @@ def made_folder(path: Path) -> Path:
 
 def _file_in_way(path: Path) -> BadInputError:
     return BadInputError(f"{path}: is a file, not a folder; name another place")
-
-
-def _part(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.part")
-
-
-def _cannot_be_written(path: Path, error: OSError) -> BadInputError:
-    mend = f"; free space in {path.resolve().parent}" if error.errno in _FULL else ""
-    return BadInputError(f"{path}: cannot be written: {error.strerror or error}{mend}")
 
 
 def _remove_leftovers(path: Path) -> None:

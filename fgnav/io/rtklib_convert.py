@@ -27,20 +27,7 @@ def convert(
     command: Sequence[str] = _COMMAND,
     timeout_s: float = _TIMEOUT_S,
 ) -> None:
-    """Convert a file in a child process.
-
-    Parameters
-    ----------
-    path : Path
-        The file, for error texts and the time that it may take.
-    words : sequence of str
-        Of the command line.
-
-    Raises
-    ------
-    BadInputError
-        If the converter crashes, hangs or cannot run: the text names the file.
-    """
+    """Convert a file, by the words of a command line, in a child process."""
     limit_s = timeout_s + _TIMEOUT_S_PER_MB * path.stat().st_size / 1e6
     try:
         done = subprocess.run(  # this interpreter, and names of files

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
@@ -33,13 +33,7 @@ class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the plain content of a TOML file.
-
-    Raises
-    ------
-    BadInputError
-        If the file cannot be read or is not TOML.
-    """
+    """Return the plain content of a TOML file."""
     try:
         return tomllib.loads(read_bytes(path, _MOST_BYTES).decode("utf-8-sig"))
     except (RecursionError, ValueError) as error:  # not TOML, not UTF-8, no number, too deep
@@ -49,13 +43,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_toml_or_json(path: Path) -> dict[str, Any]:
-    """Return the plain content of a TOML file, or of JSON where its name ends so.
-
-    Raises
-    ------
-    BadInputError
-        If the file cannot be read or is not what its name says.
-    """
+    """Return the plain content of a TOML file, or of JSON where its name ends so."""
     if path.suffix != ".json":
         return read_toml(path)
     try:
@@ -68,14 +56,7 @@ def read_toml_or_json(path: Path) -> dict[str, Any]:
 
 
 def as_table(path: Path, content: Mapping[str, Any], table: type[T]) -> T:
-    """Return plain content as an instance of ``table``, a subclass of ``Table``.
-
-    Raises
-    ------
-    BadInputError
-        At the first key that nobody knows (the text names the nearest known one), number that is
-        not finite, or value that breaks the rule of its key.
-    """
+    """Return plain content as an instance of ``table``, a subclass of ``Table``."""
     try:
         _check_keys("", content, inspect.type_info(table))
         return msgspec.convert(content, table)
@@ -95,10 +76,16 @@ def _fault(value: object, info: inspect.Type) -> str:
         return f"must be 0, or in size between {_LEAST:g} and {1 / _LEAST:g}, got {value}"
     if isinstance(value, str) and "\0" in value:
         return f"must not hold NUL, got {quoted(value)}"
-    words = _words(info)
-    if words and isinstance(value, str) and value not in words:
+    options = _options(info)
+    words = [str(word) for x in options if isinstance(x, inspect.LiteralType) for word in x.values]
+    is_free = not words or any(isinstance(option, inspect.StrType) for option in options)
+    if isinstance(value, str) and value not in words and not is_free:
         return f"must be {' or '.join(words)}, got {quoted(value)}"
     return ""
+
+
+def _options(info: inspect.Type) -> Sequence[inspect.Type]:
+    return info.types if isinstance(info, inspect.UnionType) else (info,)
 
 
 def _check_keys(where: str, value: object, info: inspect.Type) -> None:
@@ -109,8 +96,8 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
         item: inspect.Type = inspect.AnyType()
         if isinstance(info, inspect.ListType | inspect.VarTupleType):
             item = info.item_type
-        for row, inner in enumerate(value):
-            _check_keys(f"{where}[{row}]", inner, item)
+        for number, inner in enumerate(value):
+            _check_keys(f"{where}[{number}]", inner, item)
     if not isinstance(value, Mapping):
         return
     allowed = _known(where, value, info)
@@ -122,19 +109,9 @@ def _check_keys(where: str, value: object, info: inspect.Type) -> None:
         _check_keys(here, inner, allowed.get(key, inspect.AnyType()))
 
 
-def _words(info: inspect.Type) -> tuple[str, ...]:
-    """Return the words that a key takes; none where any text, or no text at all, will do."""
-    options = info.types if isinstance(info, inspect.UnionType) else (info,)
-    if any(isinstance(option, inspect.StrType) for option in options):
-        return ()
-    literal = [option for option in options if isinstance(option, inspect.LiteralType)]
-    return tuple(str(value) for option in literal for value in option.values)
-
-
 def _known(where: str, value: Mapping[str, object], info: inspect.Type) -> dict[str, inspect.Type]:
     """Return the keys of the table that ``value`` means; none where any key will do."""
-    options = info.types if isinstance(info, inspect.UnionType) else (info,)
-    structs = [option for option in options if isinstance(option, inspect.StructType)]
+    structs = [option for option in _options(info) if isinstance(option, inspect.StructType)]
     if not structs:
         return {}
     tag = structs[0].tag_field

@@ -23,25 +23,10 @@ def read_table(
     *,
     increasing: str = "t_s",
 ) -> dict[str, FloatArray]:
-    """Read a table whose first column increases.
+    """Read the columns of a table, (k,) each, of which one must increase.
 
-    Parameters
-    ----------
-    required : sequence of str
-        Columns that must be there, in any order.
-    optional : sequence of sequence of str
-        Groups of columns that are there in full or not at all.
-    increasing : str
-        Name of the column whose values must increase.
-
-    Returns
-    -------
-    dict of str to ndarray, shape (k,)
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
+    Those that are required stand in any order; groups that are optional are there in full or not
+    at all.
     """
     content = read_bytes(path, is_text=True)
     names, body = _head(path, content)
@@ -99,10 +84,10 @@ def _parse(path: Path, body: bytes, names: Sequence[str]) -> FloatArray:
     most = np.array([largest(name) for name in names])
     beyond = ~(np.abs(values) <= most)
     if beyond.any():
-        row, column = np.argwhere(beyond)[0]
-        got_value, name = values[row, column], names[column]
+        line, column = np.argwhere(beyond)[0]
+        got_value, name = values[line, column], names[column]
         rule = "finite" if not np.isfinite(got_value) else f"within {most[column]:g} of 0"
-        raise BadInputError(f"{path}: line {row + 2}: {name} must be {rule}, got {got_value:.9g}")
+        raise BadInputError(f"{path}: line {line + 2}: {name} must be {rule}, got {got_value:.9g}")
     return values
 
 
@@ -164,15 +149,11 @@ def numbers(texts: np.ndarray) -> FloatArray:
 
 
 def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[str, str]) -> None:
-    """Write a table.
+    """Write columns, (k,) each.
 
-    Parameters
-    ----------
-    columns : mapping of str to ndarray, shape (k,)
-    formats : mapping of str to str
-        printf formats by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
+    Formats are printf's by the end of a column's name, ``{"_deg": "%.12f"}``; others are ``%.12g``.
     """
-    row = ",".join(
+    form = ",".join(
         next((form for end, form in formats.items() if name.endswith(end)), "%.12g")
         for name in columns
     )
@@ -181,4 +162,4 @@ def write_table(path: Path, columns: Mapping[str, FloatArray], formats: Mapping[
         file.write(",".join(columns) + "\n")
         for start in range(0, len(values), _ROWS_AT_ONCE):
             block = values[start : start + _ROWS_AT_ONCE]
-            file.write((row + "\n") * len(block) % tuple(block.ravel().tolist()))
+            file.write((form + "\n") * len(block) % tuple(block.ravel().tolist()))

@@ -32,11 +32,11 @@ def write_toml(path: Path, table: Table, comments: Mapping[str, str] | None = No
     scalars = {k: v for k, v in plain.items() if k not in tables and k not in lists}
     lines += _entries(scalars, notes)
     for key, rows in lists.items():
-        for row in rows:
+        for entry in rows:
             lines += ["", *_comment(notes.pop(key, "")), f"[[{key}]]"]
-            lines += _entries(row, notes, f"{key}.")
-    for key, row in tables.items():
-        lines += ["", *_comment(notes.pop(key, "")), f"[{key}]", *_entries(row, notes, f"{key}.")]
+            lines += _entries(entry, notes, f"{key}.")
+    for key, entry in tables.items():
+        lines += ["", *_comment(notes.pop(key, "")), f"[{key}]", *_entries(entry, notes, f"{key}.")]
         absent = [name for name in notes if name.startswith(f"{key}.")]
         lines += [line for name in absent for line in _comment(notes.pop(name))]
     for text in notes.values():
@@ -59,8 +59,8 @@ def _comment(text: str) -> list[str]:
     """Return the lines of a comment; its own line ends stay."""
     return [
         f"# {line}"
-        for part in text.splitlines()
-        for line in textwrap.wrap(part, 96, break_long_words=False, break_on_hyphens=False)
+        for paragraph in text.splitlines()
+        for line in textwrap.wrap(paragraph, 96, break_long_words=False, break_on_hyphens=False)
     ]
 
 

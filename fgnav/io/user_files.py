@@ -12,9 +12,10 @@ import os
 import re
 import stat
 import zlib
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO, Any
 from zipfile import BadZipFile, ZipFile
 
 from fgnav.checks import BadInputError, Unused
@@ -24,6 +25,11 @@ LIMIT, DEFAULT_BYTES = "FGNAV_MAX_BYTES", 4_000_000_000
 _MOST_UNPACKED, _PIECE_BYTES = 200, 1 << 20
 PACKED = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ": "xz", b"\x1f\x9d": "compress"}
 PACKED[b"PK\x03\x04"] = "zip"
+_OPENERS: dict[str, Callable[[BytesIO], Any]] = {
+    "gzip": lambda content: gzip.GzipFile(fileobj=content),
+    "bzip2": bz2.BZ2File,
+    "xz": lzma.LZMAFile,
+}
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -34,13 +40,7 @@ _KINDS = {
 
 
 def max_bytes() -> int:
-    """Return how many bytes of one file are read at most.
-
-    Raises
-    ------
-    BadInputError
-        If ``FGNAV_MAX_BYTES`` is no whole positive number.
-    """
+    """Return the largest number of bytes of a file that is read."""
     text = os.environ.get(LIMIT, "")
     if not text:
         return DEFAULT_BYTES
@@ -58,11 +58,6 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
         Bytes that are read at most; None: ``FGNAV_MAX_BYTES``.
     is_text : bool
         Whether it is text, which is unpacked where it is packed.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such file, it is no regular file, larger than allowed, or cannot be read.
     """
     limit = max_bytes() if most is None else min(most, max_bytes())
     try:
@@ -74,7 +69,7 @@ def read_bytes(path: Path, most: int | None = None, *, is_text: bool = False) ->
             raise _too_large(path, f"has {status.st_size} bytes", limit)
         with path.open("rb") as file:  # what the kernel makes up (/proc) states no size
             content = file.read(status.st_size)
-        return unpacked(path, content) if is_text else content
+        return unpack(path, content) if is_text else content
     except FileNotFoundError as error:
         raise BadInputError(f"{path}: no such file; check the name") from error
     except OSError as error:
@@ -97,7 +92,7 @@ def encoding_of(head: bytes) -> str:
     return "utf-16-be" if head[:1] == b"\0" and head[1:2] not in (b"", b"\0") else "utf-8-sig"
 
 
-def unmarked(content: bytes) -> bytes:
+def remove_mark(content: bytes) -> bytes:
     """Return text with a byte-order mark in one byte a letter; other content as it is."""
     if not content.startswith((codecs.BOM_UTF8, codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content
@@ -122,14 +117,8 @@ def read_lines(path: Path) -> tuple[list[str], Unused]:
     return lines[: len(lines) - is_cut], lost
 
 
-def unpacked(path: Path, content: bytes) -> bytes:
-    """Return what a file of gzip, bzip2, xz, zip or compress (.Z) holds; other content as it is.
-
-    Raises
-    ------
-    BadInputError
-        If it is damaged, or unpacks to more than allowed or than any text would.
-    """
+def unpack(path: Path, content: bytes) -> bytes:
+    """Unpack a file of gzip, bzip2, xz, zip or compress (.Z); return other content as it is."""
     kind = next((name for magic, name in PACKED.items() if content.startswith(magic)), None)
     if kind is None:
         return content
@@ -149,23 +138,20 @@ def plain_name(name: str) -> str:
     return re.sub(r"\.(?:gz|bz2|xz|zip|Z)$", "", name)
 
 
-def _opened(kind: str, content: bytes) -> BinaryIO:
+def _opened(kind: str, content: bytes) -> IO[bytes]:
     """Return a stream of what packed bytes hold."""
-    if kind == "gzip":
-        return gzip.GzipFile(fileobj=BytesIO(content))  # type: ignore[return-value]
-    if kind == "bzip2":
-        return bz2.BZ2File(BytesIO(content))  # type: ignore[return-value]
-    if kind == "xz":
-        return lzma.LZMAFile(BytesIO(content))  # type: ignore[return-value]
-    if kind == "zip":
-        archive = ZipFile(BytesIO(content))
-        names = archive.namelist()
-        if len(names) != 1:
-            raise ValueError(f"it holds {len(names)} files, not one")
-        return archive.open(names[0])  # type: ignore[return-value]
-    from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
+    if kind == "compress":
+        from ncompress import decompress  # noqa: PLC0415  # lazy: few files are of such age
 
-    return BytesIO(decompress(content))
+        return BytesIO(decompress(content))
+    if kind != "zip":
+        stream: IO[bytes] = _OPENERS[kind](BytesIO(content))
+        return stream
+    archive = ZipFile(BytesIO(content))
+    names = archive.namelist()
+    if len(names) != 1:
+        raise ValueError(f"it holds {len(names)} files, not one")
+    return archive.open(names[0])
 
 
 def _too_large(path: Path, what: str, limit: int) -> BadInputError:

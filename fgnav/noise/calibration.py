@@ -6,16 +6,13 @@ the others, so that a reader sees the runner-up.
 """
 
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
-from fgnav.assembly.calibration_request import (
-    calibration_requests,
-    of_time,
-    of_vehicle,
-)
+from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.checks import FloatArray
 from fgnav.graph.delayed import CLOCK_OFFSET, CLOCK_RATE, VELOCITY_DELAY, TimedMotion, on_clock
 from fgnav.graph.factors.position import LEVER_ARM
@@ -57,19 +54,14 @@ def with_latency_and_lever_arm(
     kinds : tuple of str
         Of ``"velocity-delay"`` and ``"lever-arm"``.
     """
-    requests = calibration_requests(kinds)
-    parts = tuple(
-        part
-        for one in requests
-        for part in (of_time(one) if one.kind == LATENCY else (of_vehicle(one),))
-    )
-    extended = problem.with_constants(parts)
+    parts = [one.parameters() for one in calibration_requests(kinds)]
+    extended = problem.with_constants(tuple(chain.from_iterable(parts)))
     sensors: list[Sensor] = []
     for sensor in extended.sensors:
         if sensor.name == Velocity.name and LATENCY in kinds and isinstance(sensor, Subset):
             led = timed.led[sensor.row]
-            late = replace(sensor, indices=sensor.indices[led], keyframes=sensor.row[led])
-            sensors.append(on_clock(late, timed, delay=VELOCITY_DELAY, clock=False))
+            delayed = replace(sensor, indices=sensor.indices[led], keyframes=sensor.row[led])
+            sensors.append(on_clock(delayed, timed, delay=VELOCITY_DELAY, clock=False))
         else:
             sensors.append(sensor)
     return replace(extended, sensors=tuple(sensors))
@@ -77,61 +69,48 @@ def with_latency_and_lever_arm(
 
 def calibrated(constants: Parameters, solution: Solution) -> tuple[Calibrated, ...]:
     """Return clock, latency and lever arm by a solution, those of its constants."""
-    columns = {
-        kind: [i for name in names for i in _columns(constants, name)]
-        for kind, names in _COLUMNS.items()
-    }
-    columns = {kind: of for kind, of in columns.items() if of}
+    every_column, columns = np.arange(constants.width), dict[str, list[int]]()
+    for kind, names in _COLUMNS.items():
+        of_kind = [every_column[constants.columns(name)] for name in names]
+        if of := np.concatenate(of_kind).tolist():
+            columns[kind] = of
     every = [i for of in columns.values() for i in of]
     x, P = solution.states.constants, solution.constant_covariance[-1]
+
+    def is_beyond(of: list[int]) -> bool:
+        return _squares(x, P, of) > float(chdtri(len(of), _FALSE_ALARM))
+
+    significant = {kind for kind, of in columns.items() if is_beyond(of)}
+    # Clock and latency may be significant together where neither is alone.
+    times = [kind for kind in (CLOCK, LATENCY) if kind in columns]
+    of_times = [i for kind in times for i in columns[kind]]
+    if len(times) == 2 and not significant.intersection(times) and is_beyond(of_times):
+        significant.update(times)
     total = _squares(x, P, every)
-    found = []
-    for kind, of in columns.items():
-        others = [i for i in every if i not in of]
-        squares = _squares(x, P, of)
-        found.append(
-            Calibrated(
-                kind=kind,
-                value=x[of],
-                sigma=np.sqrt(np.diag(P)[of]),
-                alone=(total - _squares(x, P, others)) / 2,
-                is_significant=squares > float(chdtri(len(of), _FALSE_ALARM)),
-                prior_sigma=float(np.sqrt(constants.covariance[of[0], of[0]])),
-            )
-        )
-    return _one_or_the_other(tuple(found), x, P, columns)
-
-
-def _one_or_the_other(
-    found: tuple[Calibrated, ...], x: FloatArray, P: FloatArray, columns: dict[str, list[int]]
-) -> tuple[Calibrated, ...]:
-    """Return clock and latency as significant if they are so together and neither is alone."""
-    both = [one for one in found if one.kind in (CLOCK, LATENCY)]
-    if len(both) < 2 or any(one.is_significant for one in both):
-        return found
-    of = [i for one in both for i in columns[one.kind]]
-    if _squares(x, P, of) <= float(chdtri(len(of), _FALSE_ALARM)):
-        return found
     return tuple(
-        one._replace(is_significant=True) if one.kind in (CLOCK, LATENCY) else one for one in found
+        Calibrated(
+            kind=kind,
+            value=x[of],
+            sigma=np.sqrt(np.diag(P)[of]),
+            alone=(total - _squares(x, P, [i for i in every if i not in of])) / 2,
+            is_significant=kind in significant,
+            prior_sigma=float(np.sqrt(constants.covariance[of[0], of[0]])),
+        )
+        for kind, of in columns.items()
     )
 
 
 def calibration_notes(found: tuple[Calibrated, ...]) -> tuple[Note, ...]:
     """Return a message on each constant that is estimated because it is significant."""
     notes = []
-    for one in found:
-        if not one.is_significant:
-            continue
-        name, others = _NAMES[one.kind], [other for other in found if other is not one]
-        runner_up = max(others, key=lambda other: other.alone, default=None)
-        beside = (
-            ""
-            if runner_up is None
-            else f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
-        )
+    for one in (one for one in found if one.is_significant):
+        others = (other for other in found if other is not one)
+        runner_up, comparison = max(others, key=lambda other: other.alone, default=None), ""
+        if runner_up is not None:
+            comparison = f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
+        name = _NAMES[one.kind]
         parameter = f"{name[:1].upper()}{name[1:]}"
-        of = {"value": _value(one), "gain": one.alone, "runner_up": beside}
+        of = {"value": _value(one), "gain": one.alone, "runner_up": comparison}
         notes.append(note("I303", parameter=parameter, **of))
     return tuple(notes)
 
@@ -149,11 +128,6 @@ def _value(one: Calibrated) -> str:
     if one.kind == LATENCY:
         return f"{values[0]:.3f} ± {sigmas[0]:.3f} s"
     return ", ".join(f"{v:+.3f} ± {s:.3f}" for v, s in zip(values, sigmas, strict=True)) + " m"
-
-
-def _columns(constants: Parameters, name: str) -> range:
-    of = constants.columns(name)
-    return range(of.start, of.stop)
 
 
 def _squares(x: FloatArray, P: FloatArray, of: list[int]) -> float:

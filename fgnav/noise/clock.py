@@ -15,7 +15,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from fgnav.assembly.calibration_request import calibration_requests, of_time
+from fgnav.assembly.calibration_request import calibration_requests
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.delayed import CLOCK_OFFSET, PPM
 from fgnav.graph.inertial.gyro_free import GyroFree
@@ -106,4 +106,4 @@ def with_clock(problem: Problem) -> Problem:
     )
     since_s = (motion.t_s[:-1] + motion.t_s[1:]) / 2 - middle_of_record_s(imu)
     clocked = ClockedMotion(motion, early, late, column, since_s).about(problem.start)
-    return replace(problem.with_constants(of_time(request)), motion=cast("Motion", clocked))
+    return replace(problem.with_constants(request.parameters()), motion=cast("Motion", clocked))

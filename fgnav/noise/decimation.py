@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.assembly.position.numbered_arcs import Observed
 from fgnav.assembly.position.phases import antenna_phase
 from fgnav.assembly.prepared import PreparedFlight
 from fgnav.checks import FloatArray, IntArray
@@ -76,7 +75,11 @@ def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
     keyframes = _keyframes(problem, sensors)
     start = problem.start.at(keyframes)
     t_s = problem.t_s[keyframes]
-    observed = tuple(_restricted(one, keyframes) for one in prepared.observed)
+    observed = []
+    for one in prepared.observed:
+        kept = np.isin(one.row, keyframes)
+        row = np.searchsorted(keyframes, one.row[kept])
+        observed.append(one._replace(row=row, epoch=one.epoch[kept]))
     return (
         Problem(
             t_s=t_s,
@@ -87,17 +90,10 @@ def decimated(prepared: PreparedFlight) -> tuple[Problem, IntArray]:
             ),
             constants=problem.constants,
             attitude_known=problem.attitude_known[keyframes],
-            phase=antenna_phase(observed, t_s, start.R_nb, problem.constants).phase,
+            phase=antenna_phase(tuple(observed), t_s, start.R_nb, problem.constants).phase,
         ),
         keyframes,
     )
-
-
-def _restricted(observed: Observed, keyframes: IntArray) -> Observed:
-    """Return the observations of some keyframes, numbered by these."""
-    kept = np.isin(observed.row, keyframes)
-    row = np.searchsorted(keyframes, observed.row[kept])
-    return observed._replace(row=row, epoch=observed.epoch[kept])
 
 
 def _keyframes(problem: Problem, sensors: tuple[Sensor, ...]) -> IntArray:

@@ -89,7 +89,12 @@ class Hyperparameters:
     def prepared(self, flight: Flight, settings: ProblemSettings, build: Build) -> PreparedFlight:
         """Return the problem of a flight with this noise and these times."""
         prepared = build(self.applied(flight), self.settings(settings))
-        return with_satellite_errors(prepared, self.satellites)
+
+        def rescaled(problem: Problem) -> Problem:
+            phase = problem.phase and with_errors(problem.phase, self.satellites)
+            return replace(problem, phase=phase)
+
+        return prepared.changed(rescaled) if self.satellites else prepared
 
     def _requests(self, settings: ProblemSettings) -> tuple[CalibrationRequest, ...]:
         requested = [one.kind for one in settings.calibration]
@@ -136,18 +141,6 @@ def with_exact_timestamps(flight: Flight) -> Flight:
     if imu is None or not imu.clock_offset_sigma_s:
         return flight
     return replace(flight, imu=replace(imu, clock_offset_sigma_s=0.0))
-
-
-def with_satellite_errors(prepared: PreparedFlight, factors: Mapping[str, float]) -> PreparedFlight:
-    """Return a problem whose errors of satellites are so many times as large."""
-    if not factors:
-        return prepared
-
-    def changed(one: Problem) -> Problem:
-        phase = one.phase
-        return one if phase is None else replace(one, phase=with_errors(phase, factors))
-
-    return prepared.changed(changed)
 
 
 def hyperparameters(
@@ -205,15 +198,21 @@ def hyperparameters(
             ),
         )
         step = next((one for one in now if one.kind == CLOCK), None)
-        is_off = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
-        if step is None or not (clock or is_off):
+        is_wrong = any(one.is_significant for one in now if one.kind in (CLOCK, LATENCY))
+        if step is None or not (clock or is_wrong):
             break
         if (np.abs(step.value) < _SETTLED_SIGMAS * step.sigma).all():
             break
         last = step.value, _by_secant(step.value, last)
         clock = ClockCorrection._make(np.add(clock, last[1]).tolist())
         prepared = build(clock.applied(flight, middle_s), settings)
-    return replace(result, clock=clock, calibrated=_with_total(result.calibrated, clock)), prepared
+    moved = tuple(
+        one._replace(value=one.value + np.array(clock), is_significant=True)
+        if one.kind == CLOCK and clock
+        else one
+        for one in result.calibrated
+    )
+    return replace(result, clock=clock, calibrated=moved), prepared
 
 
 def _by_secant(step: FloatArray, last: tuple[FloatArray, FloatArray] | None) -> FloatArray:
@@ -240,16 +239,6 @@ def _shows_noise(prepared: PreparedFlight) -> bool:
     return not is_open and (prepared.integers is not None or prepared.imu.w_b_radps is not None)
 
 
-def _with_total(result: tuple[Calibrated, ...], clock: ClockCorrection) -> tuple[Calibrated, ...]:
-    """Return constants whose clock has what timestamps were moved by, and is significant if so."""
-    return tuple(
-        one._replace(value=one.value + np.array(clock), is_significant=True)
-        if one.kind == CLOCK and clock
-        else one
-        for one in result
-    )
-
-
 def _posterior(
     flight: Flight,
     settings: ProblemSettings,
@@ -272,9 +261,9 @@ def _posterior(
     if flight.imu is not None and flight.imu.w_b_radps is not None:
         problem = with_clock(problem)
     standstill = None
-    if prepared.rest is not None and fixes:
-        rest = prepared.rest
-        standstill = Standstill(rest.contains(problem.t_s), rest.share(problem.t_s))
+    if prepared.standing is not None and fixes:
+        stands = prepared.standing
+        standstill = Standstill(stands.contains(problem.t_s), stands.share(problem.t_s))
     components = NoiseComponents.of(problem, scalable(flight), standstill)
     names = [name.removesuffix(AT_REST) for name in components.names]
     prior = Prior.of(components.names, ~np.isin(names, unstated(flight)))

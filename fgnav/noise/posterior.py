@@ -26,7 +26,7 @@ _SAME_COST = 0.5  # what is left of it then is a quarter of a unit of log-likeli
 _ITERATIONS, _PATIENCE = 30, 20
 _DESCENT = 10  # steps towards the minimum between two of theta
 _LARGEST_STEP = 1.2  # of theta: a factor of 3.3
-_ENOUGH = 6.0  # redundancy that outweighs the prior of what is stated
+_SUFFICIENT = 6.0  # redundancy that outweighs the prior of what is stated
 _FAR = 4.0  # of squares over redundancy: beyond, theta moves by half its logarithm
 _SETTLED, _SETTLED_SIGMAS = 0.03, 0.3  # a step below either of them is the last
 _RAISED = np.log(10.0)  # at the beginning, until the data fit
@@ -56,9 +56,9 @@ class Prior(NamedTuple):
         inertial unit is not taken for better than stated.
         """
         walk = np.array([name.endswith("bias") for name in names])
-        of_unit = np.array([name.startswith(WHITE) for name in names])
+        of_imu = np.array([name.startswith(WHITE) for name in names])
         sigma = np.where(stated, STATED, np.where(walk, _WALK, _WHITE))
-        return cls(sigma, np.where(stated & ~of_unit, 0.0, -np.inf))
+        return cls(sigma, np.where(stated & ~of_imu, 0.0, -np.inf))
 
 
 class NoisePosterior(NamedTuple):
@@ -109,10 +109,10 @@ def noise_posterior(
     other = np.where(walks, prior.least.clip(0.0), first.theta)
     other[np.isin(names, WHITE)] += _RAISED
     try:
-        beside = _climbed(components, prior, other)
+        other_maximum = _climbed(components, prior, other)
     except NoSolutionError:
         return first
-    return max(first, beside, key=lambda one: one.log_density(prior))
+    return max(first, other_maximum, key=lambda one: one.log_density(prior))
 
 
 def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> NoisePosterior:
@@ -130,9 +130,12 @@ def _climbed(components: NoiseComponents, prior: Prior, begin: FloatArray) -> No
         score = components.score(theta, problem, solution)
         sigma = 1 / np.sqrt(np.diag(score.information) + prior.weight(theta))
         step = _step(score, theta, prior)
-        enough = np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)
+        tolerance = np.maximum(_SETTLED, _SETTLED_SIGMAS * sigma)
         is_minimum = solution.converged or abs(solution.cost - cost) < _SAME_COST
-        if is_minimum and (np.abs(step) < np.where(iteration < _PATIENCE, enough, _NEARLY)).all():
+        if (
+            is_minimum
+            and (np.abs(step) < np.where(iteration < _PATIENCE, tolerance, _NEARLY)).all()
+        ):
             return NoisePosterior(components, theta, sigma, problem, minimum)
         # Noise and states may undo each other's changes: a component that turns goes half as far.
         damping = np.where(step * last < 0.0, damping / 2, np.minimum(2 * damping, 1.0))
@@ -174,7 +177,7 @@ def _step(score: Score, theta: FloatArray, prior: Prior) -> FloatArray:
     step: FloatArray = np.zeros(len(theta))
     step[free] = np.linalg.solve(H, uphill[free])
     ratio = (score.squares / score.redundancy.clip(1e-3)).clip(1e-6)
-    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > _ENOUGH)
+    far = ((ratio > _FAR) | (ratio < 1 / _FAR)) & (score.redundancy > _SUFFICIENT)
     step[free] = np.where(far, np.log(ratio) / 2, step)[free]
     return np.asarray(np.maximum(step.clip(-_LARGEST_STEP, _LARGEST_STEP), prior.least - theta))
 

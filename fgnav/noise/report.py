@@ -98,7 +98,7 @@ def implausible(flight: Flight, result: Hyperparameters) -> dict[str, float]:
             ratios |= _noise_ratios(imu, result.factors, result.sigmas)
         root_s = np.sqrt(imu.t_s[-1] - imu.t_s[0])
         for sensor, field in _BIASES.items():
-            walk, bias = getattr(imu, FIELDS[f"{sensor} bias"]), getattr(imu, field)
+            walk, bias = getattr(imu, FIELDS[f"{sensor} bias"].name), getattr(imu, field)
             if walk and bias:
                 factor = result.factors.get(f"{sensor} bias", 1.0)
                 ratios[f"{sensor} bias"] = float(factor * walk * root_s / (_SIGMAS * bias))
@@ -122,7 +122,7 @@ def _noise_ratios(
     step_s = float(np.median(np.diff(imu.t_s[run])))
     ratios: dict[str, float] = {}
     for name, values in zip(WHITE, (imu.f_b_mps2, imu.w_b_radps), strict=True):
-        density = getattr(imu, FIELDS[name])
+        density = getattr(imu, FIELDS[name].name)
         if values is not None and factors.get(name, 1.0) > 1.0:
             tau_s, deviation = allan_deviation(values[run], step_s)
             largest = float(deviation[0].max() * np.sqrt(tau_s[0]))
@@ -136,7 +136,7 @@ def _noise_note(imu: Imu | None, name: str, factor: float, *, is_usual: bool) ->
     component = name.removesuffix(AT_REST)
     where = " at standstill" if name.endswith(AT_REST) else ""
     unit = _UNITS.get(component)
-    density = None if imu is None or unit is None else getattr(imu, FIELDS[component])
+    density = None if imu is None or unit is None else getattr(imu, FIELDS[component].name)
     value = "" if density is None else f"{factor * density:.2g} {unit}, "
     of = "usual figure" if is_usual else "nominal"
     return note("I301", noise=f"{_NAMES[component]}{where}", value=value, factor=factor, of=of)

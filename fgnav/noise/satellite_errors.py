@@ -40,7 +40,9 @@ _SIGMA = np.log(3.0)  # of a factor's logarithm: orbits and atmospheres differ b
 _SWEEPS = 2
 _INSISTS = 2.0  # log-likelihood ratio of two sigmas: less leaves the nominal
 _MOST = np.log(100.0)  # of a factor's logarithm: centimetres of metres, noise of phases and codes
-_ENOUGH = 200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
+_SUFFICIENT = (
+    200  # blocks: walks of four satellites more than a place to 2.5 %, closer than is sought
+)
 _SETTLED = 0.1  # of it: 10 % of a standard deviation
 _NOTHING = 1e-13  # of a diagonal: less than that is rounding
 _NEVER = 1e100  # -ln L of what cannot be: a search takes differences of it
@@ -71,12 +73,14 @@ def with_errors(phase: AntennaPhase, factors: Mapping[str, float]) -> AntennaPha
 
     def weighted(j: int) -> ArcBlock:
         block = blocks[j]
-        return _weighted(block, weight[_kinds(block)])
+        of_row = weight[_kinds(block)]
+        before, after = of_row[:, None] * block.before, of_row[:, None] * block.after
+        return block._replace(before=before, after=after, right=of_row * block.right)
 
     rows, louder = phase.rows, factors.get(PHASE, 1.0)
 
     def rescaled(i: int) -> PhaseRows:
-        return PhaseRows._make(part / louder for part in rows[i])
+        return PhaseRows._make(columns / louder for columns in rows[i])
 
     changed = replace(phase, blocks=OnDemand(len(blocks), weighted))
     return changed if louder == 1.0 else replace(changed, rows=OnDemand(len(rows), rescaled, MANY))
@@ -96,7 +100,7 @@ class SatelliteErrors:
     """
 
     def __init__(self, phase: AntennaPhase) -> None:
-        blocks = list(phase.blocks[:_ENOUGH])
+        blocks = list(phase.blocks[:_SUFFICIENT])
         self._kinds = np.concatenate([_kinds(block) for block in blocks])
         self.count = np.bincount(self._kinds, minlength=len(ERRORS))[: len(ERRORS)]
         measured = [np.zeros((one.size + 1, one.size + 1)) for one in blocks]
@@ -108,7 +112,7 @@ class SatelliteErrors:
         self._shapes = np.array([(*one.before.shape, one.size) for one in blocks])
         self._eliminated = sum(one.size for one in blocks[:-1])
         parts = ([getattr(one, name) for one in blocks] for name in ("before", "after", "right"))
-        self._rows = [np.concatenate([one.ravel() for one in part]) for part in parts]
+        self._rows = [np.concatenate([one.ravel() for one in columns]) for columns in parts]
         self._measured = np.concatenate([one.ravel() for one in measured])
 
     def climbed(self, theta: FloatArray, i: int) -> FloatArray:
@@ -267,11 +271,3 @@ def _kinds(block: ArcBlock) -> IntArray:
     kinds[error] = np.where(goes_on[error], 1, 0)
     kinds[rate] = np.where(goes_on[rate], len(ERRORS), 2)
     return kinds
-
-
-def _weighted(block: ArcBlock, weight: FloatArray) -> ArcBlock:
-    return block._replace(
-        before=weight[:, None] * block.before,
-        after=weight[:, None] * block.after,
-        right=weight * block.right,
-    )

@@ -17,7 +17,7 @@ from fgnav.checks import (
 
 LOST_LOCK = 1  # RINEX loss-of-lock indicator, bit 0: a slip is possible
 HALF_CYCLE = 2  # bit 1: half-cycle ambiguity not resolved
-_BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
+BY_EPOCH = ("t_s", "tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -94,8 +94,13 @@ class Observations:
 
     def __getitem__(self, epochs: slice | IntArray | BoolArray) -> "Observations":
         """Return the observations of selected epochs."""
-        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in _BY_EPOCH}
+        rows: dict[str, Any] = {name: getattr(self, name)[epochs] for name in BY_EPOCH}
         return replace(self, **rows)
+
+    def of_antennas(self, antennas: slice | IntArray) -> "Observations":
+        """Return the observations of selected antennas, in that order."""
+        columns: dict[str, Any] = {name: getattr(self, name)[:, antennas] for name in BY_EPOCH[1:]}
+        return replace(self, **columns)
 
     @property
     def tracked(self) -> BoolArray:

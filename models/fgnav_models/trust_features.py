@@ -14,7 +14,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.array.candidates import Candidates
-from fgnav.integers.array.search import PROVEN
+from fgnav.integers.array.kernel import PROVEN
 from fgnav.integers.ils.array_model import LinkArrays, link_arrays, spans
 from fgnav.kernels.compiled import kernel
 from fgnav.types.differences import DoubleDifferences

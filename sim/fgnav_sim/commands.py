@@ -1,7 +1,6 @@
 """The command ``fgnav simulate``; everything heavy is imported when it runs."""
 
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -41,62 +40,60 @@ def simulate(
     """
     from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy, like all below
 
-    if seed < 0:
-        raise BadInputError(f"--seed: must be 0 or more, got {seed}")
+    check_new(seed, out)
     if batch is not None and batch < 1:
         raise BadInputError(f"--batch: must be 1 or more, got {batch}")
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise BadInputError(f"--out: must be a new or an empty folder, got '{out}'")
     check_places(json)
 
     from fgnav.io.atomic_write import atomic_folder  # noqa: PLC0415
     from fgnav_sim.scenario import load_scenario  # noqa: PLC0415
 
     what = load_scenario(scenario)
-    with atomic_folder(out) as folder, progress(1) as step:
+    names = [""] if batch is None else [f"{k + 1:04d}" for k in range(batch)]
+    summaries = []
+    with atomic_folder(out) as folder, progress(len(names)) as step:
         try:
-            with step(f"simulating {what.name}"):
-                summaries = _make(what, range(seed, seed + (batch or 1)), folder, batch, step.share)
+            for k, name in enumerate(names):
+                with step(f"simulating {what.name}"):
+                    summary = _written(what, seed + k, folder / name)
+                summaries.append(summary | {"flight": str(out / name)})
         except BadInputError as error:
             raise BadInputError(f"{scenario}: {error}") from None
-    for summary in summaries:
-        summary["flight"] = str(out / str(summary["flight"]))
     summary = summaries[0] if batch is None else _summary_of_batch(summaries, out)
     write_json(json, summary)
     if json != "-":
         _print_summary(summary)
 
 
-def _make(
-    what: "Scenario",
-    seeds: range,
-    out: Path,
-    batch: int | None,
-    watch: Callable[[float], None],
-) -> list[Summary]:
-    """Write the flights of the seeds; return what was made, folders relative to ``out``."""
+def check_new(seed: int, out: Path) -> None:
+    """Raise unless a seed is one, and a folder new or empty."""
+    from fgnav.checks import BadInputError  # noqa: PLC0415  # lazy
+
+    if seed < 0:
+        raise BadInputError(f"--seed: must be 0 or more, got {seed}")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise BadInputError(f"--out: must be a new or an empty folder, got '{out}'")
+
+
+def _written(what: "Scenario", seed: int, folder: Path) -> Summary:
+    """Write the flight of a seed; return what was made."""
     import numpy as np  # noqa: PLC0415
 
     from fgnav.io.flight.folder import save_flight  # noqa: PLC0415
-    from fgnav_sim.simulate import simulate_many  # noqa: PLC0415
+    from fgnav_sim.simulate import simulate_dispersed  # noqa: PLC0415
 
-    summaries = []
-    made = simulate_many(what, [np.random.default_rng(seed) for seed in seeds], watch)
-    for k, (seed, one) in enumerate(zip(seeds, made, strict=True)):
-        name = "" if batch is None else f"{k + 1:04d}"
-        save_flight(one.flight, out / name, rinex=what.gnss.rinex if what.gnss else "3.04")
-        if one.draws:
-            drawn = {x.key: {"nominal": x.nominal, "value": x.value} for x in one.draws}
-            content = {"seed": seed, "drawn": drawn}
-            write_json(str(out / name / "dispersions.json"), content)
-        summaries.append(_summary(one, name, seed))
-    return summaries
+    made = simulate_dispersed(what, np.random.default_rng(seed))
+    save_flight(made.flight, folder, rinex=what.gnss.rinex if what.gnss else "3.04")
+    if made.draws:
+        drawn = {x.key: {"nominal": x.nominal, "value": x.value} for x in made.draws}
+        write_json(str(folder / "dispersions.json"), {"seed": seed, "drawn": drawn})
+    return _summary(made, seed)
 
 
-def _summary(made: "Simulated", name: str, seed: int) -> Summary:
-    """Return what was made, in the order in which it is shown."""
+def _summary(made: "Simulated", seed: int) -> Summary:
+    """Return the contents of a flight, in the order in which they are shown."""
     flight = made.flight
-    summary: Summary = {"flight": name, "name": flight.name, "seed": seed}
+    summary: Summary = {"flight": "", "name": flight.name, "seed": seed}
     if flight.truth is not None:
         summary["truth_samples"] = len(flight.truth.t_s)
     if flight.observations is not None:
@@ -115,7 +112,7 @@ def _summary(made: "Simulated", name: str, seed: int) -> Summary:
 
 
 def _summary_of_batch(summaries: list[Summary], out: Path) -> Summary:
-    """Return what was made in a batch: what the first flight holds, all the others do too."""
+    """Return the contents that all flights of a batch share."""
     first, last = summaries[0], summaries[-1]
     seeds = f"{first['seed']} to {last['seed']}"
     batch: Summary = {

@@ -2,6 +2,7 @@
 
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from datetime import datetime
 from difflib import get_close_matches
@@ -18,7 +19,7 @@ _NOT_DRAWN = ("dispersions", "duration_s")  # flights of a batch are of one leng
 
 
 class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How a value is drawn; just a number is ``{ sigma = number }``.
+    """Distribution of a value; just a number is ``{ sigma = number }``.
 
     One figure moves a whole list by one draw, as thrust or a coefficient errs for all times or
     Mach numbers together; a list of figures moves each element by a draw of its own.
@@ -39,13 +40,13 @@ class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def figure(self) -> FloatArray:
-        """What was given of both, () or (k,)."""
+        """The one given of both, () or (k,)."""
         return np.asarray(self.relative if self.sigma is None else self.sigma, dtype=float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draw:
-    """What a key became in one flight."""
+    """Value of a key in one flight."""
 
     key: str
     nominal: Numbers
@@ -91,21 +92,48 @@ def disperse(
     seed, content, draws = int(rng.integers(2**63)), _content(tables), []
     for key, spread in wanted:
         nominal = _values(content, key, spread)
-        own = np.random.default_rng([seed, zlib.crc32(key.encode())])
+        key_rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
         size = spread.figure.shape
-        unit = own.standard_normal(size) if spread.law == "normal" else own.uniform(-1.0, 1.0, size)
+        deviate = (
+            key_rng.standard_normal(size)
+            if spread.law == "normal"
+            else key_rng.uniform(-1.0, 1.0, size)
+        )
         scale = nominal if spread.sigma is None else 1.0
-        value = nominal + scale * spread.figure * unit
+        value = nominal + scale * spread.figure * deviate
         draws.append(Draw(key=key, nominal=_plain(nominal), value=_plain(value)))
-    for draw in draws:
-        _set(content, draw)
+    values = {draw.key: draw.value for draw in draws}
+    return with_values(
+        tables, values, "dispersions: a draw breaks a rule, take smaller spreads"
+    ), tuple(draws)
+
+
+def with_values(tables: _Tables, values: Mapping[str, Any], what: str) -> _Tables:
+    """Return tables with other values under some dotted keys.
+
+    Raises
+    ------
+    BadInputError
+        If a table on the way is not there, a key is unknown, or a value breaks its rule: what it is
+        of, and the key.
+    """
+    content = _content(tables)
+    for key, value in values.items():
+        *path, name = key.split(".")
+        node: Any = content
+        for table in path:
+            node = node.get(table) if isinstance(node, dict) else None
+        if not isinstance(node, dict):
+            raise BadInputError(f"{what}.{key}: the scenario has no table {'.'.join(path)}")
+        if name not in node:
+            near = get_close_matches(name, node, n=1, cutoff=0.0)
+            meant = f"; the nearest known key is {'.'.join([*path, *near])}" if near else ""
+            raise BadInputError(f"{what}.{key}: unknown{meant}")
+        node[name] = deepcopy(value)  # later keys may change a part of it
     try:
-        drawn = msgspec.convert(content, type(tables))
+        return msgspec.convert(content, type(tables))
     except msgspec.ValidationError as error:
-        raise BadInputError(
-            f"dispersions: a draw breaks a rule, {error}; take smaller spreads"
-        ) from None
-    return drawn, tuple(draws)
+        raise BadInputError(f"{what}: {error}") from None
 
 
 def _content(tables: msgspec.Struct) -> dict[str, Any]:
@@ -130,13 +158,13 @@ def _flat(where: str, spreads: Mapping[str, Any]) -> Iterator[tuple[str, Spread]
 
 def _values(content: Mapping[str, Any], key: str, spread: Spread) -> FloatArray:
     """Return the values that a spread moves, () or (k,)."""
-    known = dict(_leaves("", content))
-    if key not in known:
-        near = get_close_matches(key, known, n=1, cutoff=0.0)[0]
+    leaves = dict(_leaves("", content))
+    if key not in leaves:
+        near = get_close_matches(key, leaves, n=1, cutoff=0.0)[0]
         raise BadInputError(f"dispersions.{key}: unknown; the nearest known key is {near}")
-    if known[key] is None:
+    if leaves[key] is None:
         raise BadInputError(f"dispersions.{key}: has no value to be drawn about; give it one")
-    values = np.asarray(known[key], dtype=float)
+    values = np.asarray(leaves[key], dtype=float)
     if spread.figure.ndim and spread.figure.shape != values.shape:
         raise BadInputError(
             f"dispersions.{key}: must hold a figure, or one for each of {values.size} values, "
@@ -167,11 +195,3 @@ def _are_numbers(values: Sequence[object]) -> bool:
 def _plain(values: FloatArray) -> Numbers:
     """Return an array as a number, or as a tuple of them."""
     return tuple(values.tolist()) if values.ndim else float(values)
-
-
-def _set(content: dict[str, Any], draw: Draw) -> None:
-    """Write a value that was drawn where its key is."""
-    *tables, name = draw.key.split(".")
-    for table in tables:
-        content = content[table]
-    content[name] = draw.value

@@ -53,12 +53,12 @@ class Sine(Table, frozen=True, tag="sine", tag_field="kind"):
         """Return angle, rate and acceleration, rad and s, (3, n)."""
         amplitude, rate = np.radians(self.amplitude_deg), self.rate_radps
         argument = rate * t_s + np.radians(self.phase_deg)
-        swing = amplitude * np.sin(argument)
+        deflection = amplitude * np.sin(argument)
         return np.stack(
             [
-                swing + np.radians(self.offset_deg),
+                deflection + np.radians(self.offset_deg),
                 amplitude * rate * np.cos(argument),
-                -(rate**2) * swing,
+                -(rate**2) * deflection,
             ]
         )
 
@@ -105,14 +105,14 @@ class Arc(Table, frozen=True, tag="arc", tag_field="kind"):
 
     def __call__(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return displacement, velocity and acceleration in ``n``, each (n, 3)."""
-        turn_radps = self.speed_mps / self.radius_m * (-1.0 if self.left else 1.0)
+        rate_radps = self.speed_mps / self.radius_m * (-1.0 if self.left else 1.0)
         start = np.radians(self.course_deg)
-        course = start + turn_radps * t_s
+        course = start + rate_radps * t_s
         sine, cosine, zero = np.sin(course), np.cos(course), np.zeros_like(t_s)
-        signed_radius_m = self.speed_mps / turn_radps
+        signed_radius_m = self.speed_mps / rate_radps
         north_m = signed_radius_m * (sine - np.sin(start))
         east_m = -signed_radius_m * (cosine - np.cos(start))
-        v, a = self.speed_mps, self.speed_mps * turn_radps
+        v, a = self.speed_mps, self.speed_mps * rate_radps
         return (
             np.stack([north_m, east_m, -self.climb_mps * t_s], axis=1),
             np.stack([v * cosine, v * sine, zero - self.climb_mps], axis=1),
@@ -148,12 +148,12 @@ class State:
         """
         lever_b_m = np.broadcast_to(lever_b_m, self.p_n_m.shape)
         w = self.w_nb_b_radps
-        swing_b_mps = np.cross(w, lever_b_m)
-        pull_b_mps2 = np.cross(self.alpha_nb_b_radps2, lever_b_m) + np.cross(w, swing_b_mps)
+        lever_b_mps = np.cross(w, lever_b_m)
+        pull_b_mps2 = np.cross(self.alpha_nb_b_radps2, lever_b_m) + np.cross(w, lever_b_mps)
         return (
-            self.p_n_m + turned(self.R_nb, lever_b_m),
-            self.v_n_mps + turned(self.R_nb, swing_b_mps),
-            self.a_n_mps2 + turned(self.R_nb, pull_b_mps2),
+            self.p_n_m + rotated(self.R_nb, lever_b_m),
+            self.v_n_mps + rotated(self.R_nb, lever_b_mps),
+            self.a_n_mps2 + rotated(self.R_nb, pull_b_mps2),
         )
 
     def inertial_rate_b_radps(self, origin: Origin) -> FloatArray:
@@ -163,7 +163,7 @@ class State:
     def specific_force_b_mps2(
         self, origin: Origin, lever_b_m: FloatArray, model: GravityModel
     ) -> FloatArray:
-        """Return what an ideal accelerometer at a point of the body feels, body axes, (n, 3).
+        """Return the specific force at a point of the body, body axes, (n, 3).
 
         ``f = R_bn (a + 2 omega_ie x v - g(p))`` with position, velocity and acceleration of the
         accelerometer itself against the turning Earth, so that ``g`` holds the whole centrifugal
@@ -177,7 +177,7 @@ class State:
         p_n_m, v_n_mps, a_n_mps2 = self.at(lever_b_m)
         coriolis_n_mps2 = 2 * np.cross(origin.earth_rate_n_radps, v_n_mps)
         f_n_mps2 = a_n_mps2 + coriolis_n_mps2 - origin.gravity_n_mps2(p_n_m, model)
-        return turned(transpose(self.R_nb), f_n_mps2)
+        return rotated(transpose(self.R_nb), f_n_mps2)
 
 
 class Trajectory(Protocol):
@@ -188,7 +188,7 @@ class Trajectory(Protocol):
 
 
 class Motion(Table, frozen=True):
-    """Where the body flies and how it is turned: a path, and one command per Euler angle."""
+    """Path of the body, and one command per Euler angle."""
 
     position_n_m: Vector = (0.0, 0.0, 0.0)  # where the path starts
     path: Track = Straight()
@@ -229,6 +229,6 @@ def body_rates(
     return np.stack(w, axis=1), np.stack(alpha, axis=1)
 
 
-def turned(R: FloatArray, v: FloatArray) -> FloatArray:
+def rotated(R: FloatArray, v: FloatArray) -> FloatArray:
     """Return ``R @ v`` item by item, (n, 3)."""
     return np.asarray(np.einsum("nij,nj->ni", R, v))

@@ -22,12 +22,12 @@ def check_ranges(table: Table, *names: str, zero: bool = False) -> None:
         value = getattr(table, name)
         ends = value if isinstance(value, tuple) else (value, value)
         if len(ends) != 2 or not 0 <= ends[0] <= ends[1] or not (zero or ends[0]):
-            least = "zero or more" if zero else "above zero"
-            raise ValueError(f"{name}: must be {least}, and a range in order, got {value}")
+            lowest = "zero or more" if zero else "above zero"
+            raise ValueError(f"{name}: must be {lowest}, and a range in order, got {value}")
 
 
 def uniform(rng: np.random.Generator) -> Draw:
-    """Return what draws from ranges, all figures alike likely."""
+    """Return the function that draws uniformly from ranges."""
     return lambda limits: float(rng.uniform(*limits))
 
 

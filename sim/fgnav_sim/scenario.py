@@ -1,4 +1,4 @@
-"""What a scenario file may say, with every default and rule."""
+"""Format of a scenario file, with every default and rule."""
 
 import math
 from datetime import datetime
@@ -16,7 +16,6 @@ from fgnav.shipped import file_or_shipped
 from fgnav_sim.dispersions import check_spreads
 from fgnav_sim.gnss.tables import (
     BaselineTable,
-    ClockTable,
     GnssTable,
     Height,
     Latitude,
@@ -51,21 +50,6 @@ PAPER_ANTENNAS_B_M: tuple[Vector, ...] = (
 _GPS_EPOCH: datetime = GPS_EPOCH.item()  # GPS time has no time zone
 _ON_EARTH = ("gnss", "imu", "photodetector", "barometer")  # sensors that know the WGS-84 Earth
 _LONGEST_S = 7 * 86400.0  # a flight stays within what week numbers and double precision carry
-
-__all__ = [
-    "PAPER_ANTENNAS_B_M",
-    "BaselineTable",
-    "ClockTable",
-    "FixesTable",
-    "GnssTable",
-    "ImuTable",
-    "OcclusionTable",
-    "OpticsTable",
-    "PhotodetectorTable",
-    "Place",
-    "Scenario",
-    "load_scenario",
-]
 
 
 class Place(Point, frozen=True):
@@ -103,8 +87,10 @@ class ImuTable(Table, frozen=True):
         names = ("noise_radps_per_sqrt_hz", "bias_radps", "bias_walk_radps_per_sqrt_s")
         missing = [name for name in names if getattr(self, f"gyroscope_{name}") is None]
         finer = ("bias_instability_radps", "scale", "misalignment_rad", "range_radps")
-        stated = len(missing) < len(names) or any(getattr(self, f"gyroscope_{n}") for n in finer)
-        if missing and stated:
+        has_gyroscope = len(missing) < len(names) or any(
+            getattr(self, f"gyroscope_{n}") for n in finer
+        )
+        if missing and has_gyroscope:
             raise ValueError(f"gyroscope_{missing[0]}: goes with the other gyroscope keys")
 
 

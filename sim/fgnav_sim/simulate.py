@@ -1,8 +1,9 @@
 """From a scenario and a seeded generator to a flight whose truth is known."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -16,30 +17,24 @@ from fgnav_sim.gnss.base import stand
 from fgnav_sim.gnss.constellation import KLOBUCHAR, built_in_orbits, orbits_of_files
 from fgnav_sim.gnss.fixes import baseline, fix
 from fgnav_sim.gnss.receiver import observe
-from fgnav_sim.gnss.tables import antenna_names
+from fgnav_sim.gnss.tables import GnssTable, antenna_names
 from fgnav_sim.propagation.message_errors import with_message_errors
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.sensors import detector, inertial
 from fgnav_sim.sensors.surroundings import point, press
 from fgnav_sim.vehicle.tables import Vehicle
 
 _STILL = 1e-6  # m/s and m per root second, of satellites without errors: far below any noise
-_TOGETHER_S = 2000.0  # of flight in a call of the rigid body: 60 MB
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Simulated:
+class Simulated(NamedTuple):
     """A flight, and what was drawn for it of the scenario's dispersions."""
 
     flight: Flight
     draws: tuple[Draw, ...]
 
 
-def simulate(
-    scenario: Scenario,
-    rng: np.random.Generator,
-    progress: Callable[[float], None] = lambda _share: None,
-) -> Flight:
+def simulate(scenario: Scenario, rng: np.random.Generator) -> Flight:
     """Return the flight that a scenario describes, with its truth.
 
     Every sensor draws from a generator of its own, so switching one on or off, or changing its
@@ -49,59 +44,39 @@ def simulate(
     ----------
     rng : numpy.random.Generator
         The same seed gives the same flight, bit by bit.
-    progress : callable
-        Told the share done, up to 1, while the receivers run: that is nearly all of the time.
 
     Raises
     ------
     BadInputError
         If a navigation file is bad, no satellite is ever in view, or a rigid body cannot be flown.
     """
-    return next(simulate_many(scenario, [rng], progress)).flight
+    return simulate_dispersed(scenario, rng).flight
 
 
-def simulate_many(
-    scenario: Scenario,
-    rngs: Sequence[np.random.Generator],
-    progress: Callable[[float], None] = lambda _share: None,
-) -> Iterator[Simulated]:
-    """Yield a flight for each generator, the same that ``simulate`` makes of it alone.
+def simulate_dispersed(scenario: Scenario, rng: np.random.Generator) -> Simulated:
+    """Return the flight of ``simulate`` with what was drawn for it; it reports its progress."""
+    streams = rng.spawn(8)
+    dispersed, draws = disperse(scenario, scenario.dispersions, streams[4])
+    moving, unused = dispersed, tuple[Unused, ...]()
+    if scenario.flown:
+        from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: compiled code
 
-    Rigid bodies of several flights are flown in one call. Parameters and errors are those of
-    ``simulate``.
-    """
-    together = max(1, int(_TOGETHER_S / scenario.duration_s)) if scenario.flown else 1
-    for first in range(0, len(rngs), together):
-        streams = [rng.spawn(8) for rng in rngs[first : first + together]]
-        drawn = [disperse(scenario, scenario.dispersions, stream[4]) for stream in streams]
-        moving: list[tuple[Scenario, tuple[Unused, ...]]] = [(one, ()) for one, _ in drawn]
-        if scenario.flown:
-            from fgnav_sim.vehicle.take_off import take_off  # noqa: PLC0415  # lazy: compiled code
-
-            moving = take_off([one for one, _ in moving], [stream[5] for stream in streams])
-        parts = zip(moving, drawn, streams, strict=True)
-        for k, ((settled, unused), (one, draws), stream) in enumerate(parts, start=first):
-
-            def watch(share: float, k: int = k) -> None:
-                progress((k + share) / len(rngs))
-
-            flight = _sensed(settled, stream, watch)
-            flight = replace(flight, unused=unused + flight.unused, vehicle=_finned(one))
-            yield Simulated(flight=flight, draws=draws)
+        moving, unused = take_off(dispersed, streams[5])
+    flight = _sensed(moving, streams)
+    vehicle = _finned(dispersed)
+    return Simulated(replace(flight, unused=unused + flight.unused, vehicle=vehicle), draws)
 
 
 def _finned(scenario: Scenario) -> FinnedVehicle | None:
-    """Return what a flight states of its vehicle: that fins hold it in the air, if any do."""
+    """Return the vehicle model of a flight with fins; None without."""
     flown = scenario.flown
     if flown is None or not isinstance(flown.vehicle, Vehicle) or flown.vehicle.fins is None:
         return None
     return flown.vehicle.fins.stated()
 
 
-def _sensed(
-    scenario: Scenario, rngs: Sequence[np.random.Generator], progress: Callable[[float], None]
-) -> Flight:
-    """Return what the sensors of a scenario measure of its motion; each has its place in rngs."""
+def _sensed(scenario: Scenario, rngs: Sequence[np.random.Generator]) -> Flight:
+    """Return the measurements of a scenario's sensors; each has its place in rngs."""
     (
         gnss_rng,
         imu_rng,
@@ -135,7 +110,7 @@ def _sensed(
         unused += (Unused(what="photodetector", reason=reason, count=1),)
     received = base = None
     if gnss and flown:
-        received = observe(gnss, real, flown, messages=broadcast, rng=gnss_rng, progress=progress)
+        received = observe(gnss, real, flown, messages=broadcast, rng=gnss_rng)
         if gnss.base:
             base = stand(
                 gnss.base,
@@ -173,10 +148,10 @@ def _sensed(
 
 def _misplaced(scenario: Scenario, rng: np.random.Generator) -> Scenario:
     """Return a scenario whose antennas sit where they really do."""
-    stated_b_m = np.array(scenario.antennas_b_m)
-    off_b_m = scenario.antenna_misplacement_m * rng.standard_normal(stated_b_m.shape)
-    places = tuple((x, y, z) for x, y, z in (stated_b_m + off_b_m).tolist())
-    return msgspec.structs.replace(scenario, antennas_b_m=places)
+    nominal_b_m = np.array(scenario.antennas_b_m)
+    error_b_m = scenario.antenna_misplacement_m * rng.standard_normal(nominal_b_m.shape)
+    positions = tuple((x, y, z) for x, y, z in (nominal_b_m + error_b_m).tolist())
+    return msgspec.structs.replace(scenario, antennas_b_m=positions)
 
 
 def _antennas(scenario: Scenario) -> tuple[Antenna, ...]:
@@ -209,7 +184,7 @@ def _orbits(
 
 
 def _noise(gnss: GnssTable) -> GnssNoise:
-    """Return what estimators are told of a link: its noise and echoes from anywhere together."""
+    """Return the nominal noise of a link: its noise and multipath from anywhere together."""
     echoes, errs = gnss.multipath, gnss.message_errors or bool(gnss.orbits)
     rate_mps, walk = gnss.satellite_error_rate_mps, gnss.satellite_error_walk_m_per_sqrt_s
     return GnssNoise(

@@ -148,7 +148,7 @@ def test_many_gaps_end_in_their_number():
 def test_a_steady_spin_is_carried_through_whole_turns():
     first, rate = np.eye(3)[None], np.array([[2 * np.pi * 2, 0.1, 0]])
     last = first @ rotations.exp(1.3 * rate)
-    carried = gaps.carried(first, last, rate, rate, 1.3, np.array(0.4))
+    carried = gaps.rotation_cubic(first, last, rate, rate, 1.3, np.array(0.4))
     np.testing.assert_allclose(carried, rotations.exp(0.52 * rate), atol=1e-9)
 
 
@@ -157,7 +157,7 @@ def test_a_rate_that_changes_evenly_is_carried_along_its_cubic():
     t_s, axis = np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 0.0])
     R_nb = rotations.exp(0.3 * t_s[:, None] ** 2 * axis)
     rates = 0.6 * t_s[:, None] * axis
-    carried = gaps.carried(R_nb[:1], R_nb[2:], rates[:1], rates[2:], 2.0, np.array(0.5))
+    carried = gaps.rotation_cubic(R_nb[:1], R_nb[2:], rates[:1], rates[2:], 2.0, np.array(0.5))
     np.testing.assert_allclose(carried[0], R_nb[1], rtol=0, atol=1e-9)
 
 

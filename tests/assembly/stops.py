@@ -74,6 +74,6 @@ def measured(flight: Flight, t_s: np.ndarray, *, velocities: bool = True) -> Ant
 
     speed = series(fixes.v_n_mps, fixes.velocity_sigma_mps)
     return AntennaMotion(
-        positions=(("a1", series(fixes.p_n_m, fixes.position_sigma_m)),),
-        velocities=(("a1", speed),) if velocities else (),
+        positions=(series(fixes.p_n_m, fixes.position_sigma_m),),
+        velocities=(speed,) if velocities else (),
     )

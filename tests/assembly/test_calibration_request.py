@@ -12,7 +12,6 @@ from fgnav.assembly.calibration_request import (
     calibration_requests,
     constants_of,
     mean_rate,
-    with_evidence,
     with_landmark,
 )
 from fgnav.checks import BadInputError, NoSolutionError
@@ -94,8 +93,8 @@ def test_all_antennas_but_the_reference_get_a_place_each():
 def test_a_detector_that_never_sees_tells_of_no_landmark(name):
     asked = (flight_constant(name, ("a", "b"), "rad", 0.1),)
     with pytest.raises(NoSolutionError, match=f"{name}: the detector never sees the landmark"):
-        with_evidence(asked, sight=False)
-    assert with_evidence(asked, sight=True) is asked
+        with_landmark(asked, None)
+    assert with_landmark((), None) == ()
 
 
 def test_a_landmark_that_is_not_asked_for_stands_where_it_was_surveyed():

@@ -7,8 +7,9 @@ from fgnav.attitude.baselines import body_motion, paper_baselines, weighted_base
 from fgnav.attitude.vector_pairs import sensitivity, wahba
 from fgnav.geometry import rotations
 from fgnav.gnss.single_point.solution import code_solution
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Arc, Motion
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 from tests.attitude.arrays import sky, synthetic
 from tests.integers.arrays import L1_M, link_covariance

@@ -4,7 +4,7 @@ Shares of one core's time (``process_time``), the median of some rounds, what is
 """
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import process_time
@@ -16,11 +16,11 @@ from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.neural import NeuralFactor
+from fgnav.types.integers import Integers
 from fgnav_models import learn
 from fgnav_sim.scenario import load_scenario
 from fgnav_sim.simulate import simulate
 from tests.benchmarks._rows import Row, row, timed
-from tests.benchmarks.smoother import LAG_S, Given
 from tests.models.learn.small import Airspeed, flown, plain_input, wind
 from tests.neural import graphs
 
@@ -30,10 +30,22 @@ FACTORS = {  # what it measures, the share of its errors that lasts, and whose f
     "lasting": ("heading", 0.25, "in Python, a constant of the flight in each"),
 }
 NAMES = (*(f"neural_factor_{name}" for name in FACTORS), "through_smoother")
-SPAN_S, ROUNDS = 60.0, 7
+SPAN_S, LAG_S, ROUNDS = 60.0, 2.0, 7
 WINDOW, WIDTH = 100, 128  # a second of accelerations, a multilayer perceptron of 100,000 weights
 MOST_PERCENT = 15.0
 MOST_SECONDS = 3.6  # an epoch of 50 flights in 90 s on two cores
+
+
+@dataclass(frozen=True)
+class Given:
+    """A resolver that has the integers of one flight."""
+
+    integers: Integers
+    name: str = "given"
+
+    def __call__(self, *_: object) -> Integers:
+        """Return them."""
+        return self.integers
 
 
 def run(span_s: float = SPAN_S) -> list[Row]:

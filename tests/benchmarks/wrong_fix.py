@@ -21,7 +21,8 @@ from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.integers.acceptance import share_threshold
-from fgnav.integers.array.search import PROVEN, ConstrainedSearch, search_constrained
+from fgnav.integers.array.kernel import PROVEN
+from fgnav.integers.array.search import ConstrainedSearch, search_constrained
 from fgnav.integers.ils.affine import search_array
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.types.differences import DoubleDifferences
@@ -145,12 +146,12 @@ def _part(rng: np.random.Generator, name: str, case: Case, n: int) -> Tally:
     sets, _ = _sets(rng, name, case, n)
     found = search_constrained(sets, NODES)
     proven, wrong, p = found.status == PROVEN, _wrong(found), found.wrong_probability
-    fits = _fits(found, np.where(proven, found.costs[:, 0], 0.0))
+    fits = _fits(found.degrees, np.where(proven, found.costs[:, 0], 0.0))
     sound = proven & fits
     sure = p <= -share_threshold(-p[sound], p[sound], WRONG_MAX)
     accepted = sound & sure
     far = _far(sets, found, proven & wrong)
-    true_fits = _fits(found.rows(far), _costs_of_truth(sets, far))
+    true_fits = _fits(found.degrees[far], _costs_of_truth(sets, far))
     return Tally(
         sets=len(p),
         proven=int(proven.sum()),
@@ -185,9 +186,9 @@ def _wrong(found: ConstrainedSearch) -> BoolArray:
     return np.asarray((found.cycles != 0).any(axis=(1, 2)))
 
 
-def _fits(found: ConstrainedSearch, cost: FloatArray) -> BoolArray:
+def _fits(degrees: IntArray, cost: FloatArray) -> BoolArray:
     """Return whether noise may cost as much."""
-    return np.asarray(chdtrc(np.maximum(found.degrees, 1), cost) >= TAIL)
+    return np.asarray(chdtrc(np.maximum(degrees, 1), cost) >= TAIL)
 
 
 def _far(d: DoubleDifferences, found: ConstrainedSearch, wrong: BoolArray) -> IntArray:

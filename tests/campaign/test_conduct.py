@@ -5,15 +5,13 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 
 import msgspec
 import pytest
 
 from fgnav.campaign import conduct as conducting
 from fgnav.campaign.conduct import conduct
-from fgnav.campaign.engines import Local, _submitted
+from fgnav.campaign.engines import Local
 from fgnav.campaign.fly import fly
 from fgnav.checks import BadInputError
 from tests.campaign.conftest import here
@@ -132,23 +130,3 @@ def test_a_worker_whose_parent_is_gone_begins_no_run():
         command = [sys.executable, "-c", code.format(parent)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout) == (not said, said)
-
-
-class _Broken:
-    """A pool whose worker another run has just killed, after so many submissions."""
-
-    def __init__(self, after):
-        self.after = after
-
-    def submit(self, *_):
-        if not self.after:
-            raise BrokenProcessPool
-        self.after -= 1
-        return Future()
-
-
-def test_runs_that_a_broken_pool_does_not_take_are_kept():
-    running = {}
-    kept = _submitted(_Broken(after=1), _deadly, [(0, 1), (1, 1), (2, 2)], running)
-    assert list(running.values()) == [(0, 1)]
-    assert kept == [(1, 1), (2, 2)]

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from fgnav.campaign.folder import Folder
-from fgnav.campaign.runs import runs_of
+from fgnav.campaign.order import runs_of
 
 
 def test_a_run_is_kept_without_a_look_at_all_others(order, tmp_path, monkeypatch):

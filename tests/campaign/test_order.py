@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from fgnav.campaign.fly import check_order
-from fgnav.campaign.order import load_order
-from fgnav.campaign.runs import Run, runs_of, seed_of
+from fgnav.campaign.order import Run, load_order, runs_of, seed_of
 from fgnav.checks import BadInputError
 
 GOOD = """

@@ -4,10 +4,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from fgnav.campaign.fly import check_order, fly
-from fgnav.campaign.order import load_order
-from fgnav.campaign.runs import Run, runs_of
-from fgnav.campaign.sources import flight_source
+from fgnav.campaign.fly import check_order, flight_source, fly
+from fgnav.campaign.order import Run, load_order, runs_of
 from fgnav.geometry.rotations import to_euler
 from fgnav.photodetector import line_of_sight
 from fgnav.shipped import shipped

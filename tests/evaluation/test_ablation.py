@@ -6,7 +6,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.ablation import KINDS, without
-from fgnav_sim.scenario import GnssTable, ImuTable, Scenario
+from fgnav_sim.gnss.tables import GnssTable
+from fgnav_sim.scenario import ImuTable, Scenario
 from fgnav_sim.simulate import simulate
 
 

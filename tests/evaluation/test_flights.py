@@ -12,8 +12,8 @@ from fgnav import cli
 from fgnav.checks import BadInputError
 from fgnav.evaluation.flights import FlightOutcome, FlightsComparison, compare_flights
 from fgnav.evaluation.paired import paired
-from fgnav.evaluation.report.flights import innovations, on_screen, summary
-from fgnav.evaluation.report.save import save_flights_report
+from fgnav.evaluation.report.flights import flights_report, innovations, on_screen, summary
+from fgnav.evaluation.report.save import write
 from fgnav.evaluation.report.text import text_lines
 from fgnav.types.estimate import Estimate
 from tests.evaluation.conftest import Off
@@ -90,7 +90,7 @@ def test_figures_are_json_without_nan_and_the_same_twice(flights):
 
 def test_a_page_of_flights_has_every_flight(flights, tmp_path):
     outcome = run(flights, [Growing("a", 0.02), Growing("b", 0.01)])
-    save_flights_report(outcome, tmp_path / "a.html")
+    write(flights_report(outcome), tmp_path / "a.html")
     text = (tmp_path / "a.html").read_text()
     for word in ("f0", "f5", "Wilcoxon p", "Against a, flight by flight", "0x5eed"):
         assert word in text
@@ -181,7 +181,7 @@ def test_what_cannot_be_done_is_one_line(batch, options, text, capsys):
 
 def test_pictures_of_several_flights_show_every_part(flights, tmp_path):
     outcome = run(flights, [Growing("a", 0.02), Growing("b", 0.01)])
-    names = {path.name for path in save_flights_report(outcome, tmp_path / "a.png")}
+    names = {path.name for path in write(flights_report(outcome), tmp_path / "a.png")}
     assert {"a.png", "a-paired.png", "a-flights.png", "a-versions.png"} <= names
 
 

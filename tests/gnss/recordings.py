@@ -9,7 +9,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.earth import Origin, ecef, geodetic
 from fgnav.io.antennas import merge
 from fgnav.io.rinex.reader import read_navigation, read_rinex
-from fgnav.io.sp3.reader import read_precise
+from fgnav.io.sp3 import read_precise
 from fgnav.types.flight import Antenna, Flight
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 

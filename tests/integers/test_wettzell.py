@@ -8,8 +8,9 @@ import pytest
 
 from fgnav.gnss.difference import double_differences
 from fgnav.integers.arcs.resolver import constrained_arcs
+from fgnav.integers.array.kernel import PROVEN
 from fgnav.integers.array.noise import with_estimated_noise
-from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.integers.resolvers.lambda_ import Lambda
 from fgnav.integers.validation import validated

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from fgnav.integrity.imu_screen import (
-    without_faulty,
+    screen_imu,
+    screen_imu_causally,
     without_repeated,
     without_spikes,
     without_stuck_axes,
-    without_stuck_so_far,
 )
 from tests.imu import imu_of
 
@@ -93,7 +93,7 @@ def test_a_stuck_unit_leaves_a_gap_and_is_counted(imu):
     force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
     force[300:400], rate[300:400] = force[300], rate[300]
     force[600:620], rate[600:620] = force[600], rate[600]
-    left, (loss,) = without_faulty(replace(imu, f_b_mps2=force, w_b_radps=rate))
+    left, (loss,) = screen_imu(replace(imu, f_b_mps2=force, w_b_radps=rate))
     assert loss.count == 99 + 19
     assert "repeat the sample before" in loss.reason
     assert sorted(np.round(np.diff(left.t_s), 6))[-2:] == [0.2, 1.0]
@@ -102,7 +102,7 @@ def test_a_stuck_unit_leaves_a_gap_and_is_counted(imu):
 def test_an_axis_that_stands_while_others_move_leaves_a_gap_and_is_counted(imu):
     rate = imu.w_b_radps.copy()
     rate[300:400, 1] = rate[300, 1]
-    left, (loss,) = without_faulty(replace(imu, w_b_radps=rate))
+    left, (loss,) = screen_imu(replace(imu, w_b_radps=rate))
     assert loss.count == 100
     assert "axis y of the gyroscope stands still" in loss.reason
     np.testing.assert_array_equal(left.t_s, np.delete(T_S, slice(300, 400)))
@@ -139,29 +139,29 @@ def test_a_record_stuck_soon_after_it_begins_is_kept(imu):
 
 
 def test_a_right_record_and_one_at_rest_without_noise_are_kept(imu):
-    assert without_faulty(imu)[0] is imu
+    assert screen_imu(imu)[0] is imu
     still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
-    assert without_faulty(still)[0] is still
+    assert screen_imu(still)[0] is still
 
 
 def test_a_stuck_unit_is_known_by_what_came_before(imu):
     force, rate = imu.f_b_mps2.copy(), imu.w_b_radps.copy()
     force[300:400], rate[300:400] = force[300], rate[300]
     stuck = replace(imu, f_b_mps2=force, w_b_radps=rate)
-    left, (loss,) = without_stuck_so_far(stuck)
+    left, (loss,) = screen_imu_causally(stuck)
     assert loss.count > 90
     assert np.isin(stuck.t_s[:302], left.t_s).all()
     assert np.isin(stuck.t_s[400:], left.t_s).all()
     for end in (250, 330, 420):  # what comes later does not matter
         parts = {n: getattr(stuck, n)[:end] for n in ("t_s", "f_b_mps2", "w_b_radps")}
-        part, _ = without_stuck_so_far(replace(stuck, **parts))
+        part, _ = screen_imu_causally(replace(stuck, **parts))
         np.testing.assert_array_equal(part.t_s, left.t_s[left.t_s <= stuck.t_s[end - 1]])
 
 
 def test_right_records_so_far_are_kept(imu):
-    assert without_stuck_so_far(imu)[0] is imu
+    assert screen_imu_causally(imu)[0] is imu
     still = replace(imu, f_b_mps2=0 * imu.f_b_mps2, w_b_radps=0 * imu.w_b_radps)
-    assert without_stuck_so_far(still)[0] is still
+    assert screen_imu_causally(still)[0] is still
 
 
 @pytest.mark.parametrize("causal", [False, True])

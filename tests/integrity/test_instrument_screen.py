@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fgnav.integrity.instrument_screen import without_stuck
+from fgnav.integrity.instrument_screen import screen_instruments
 from tests.robustness.drawn.flights import right_flight
 
 
@@ -16,7 +16,7 @@ def flights():
 
 def test_right_instruments_are_as_they_were(flights):
     for flight in flights.values():
-        left, unused = without_stuck(flight)
+        left, unused = screen_instruments(flight)
         assert left is flight
         assert unused == ()
 
@@ -35,7 +35,7 @@ def test_what_repeats_the_sample_before_is_left_out(flights, of, name, field, ro
     values = getattr(one, field).copy()
     values[rows] = values[rows][0]
     stuck = replace(flights[of], **{name: replace(one, **{field: values})})
-    left, (loss,) = without_stuck(stuck)
+    left, (loss,) = screen_instruments(stuck)
     t_s = getattr(left, name).t_s
     assert loss.count == len(one.t_s) - len(t_s) == len(one.t_s[rows]) - 1
     assert loss.what == f"{name} sample"
@@ -48,7 +48,7 @@ def test_a_height_recorded_in_steps_beyond_its_noise_may_stand(flights):
     height_m = np.round(flight.barometer.height_m / 2) * 2
     height_m[:60] = height_m[0]  # on the ground
     rounded = replace(flight, barometer=replace(flight.barometer, height_m=height_m))
-    assert without_stuck(rounded)[1] == ()
+    assert screen_instruments(rounded)[1] == ()
 
 
 def test_a_detector_that_sees_nothing_is_not_stuck(flights):
@@ -56,4 +56,4 @@ def test_a_detector_that_sees_nothing_is_not_stuck(flights):
     currents = flight.photodetector.currents.copy()
     currents[40:] = 0.0
     dark = replace(flight, photodetector=replace(flight.photodetector, currents=currents))
-    assert without_stuck(dark)[1] == ()
+    assert screen_instruments(dark)[1] == ()

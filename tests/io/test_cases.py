@@ -10,8 +10,8 @@ import fgnav
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import ecef
 from fgnav.io.importers import importer_named
-from fgnav.io.importers.guess import guessed
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.guess import guess_table
+from fgnav.io.importers.recognise import recognise_format
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
 from tests.io.importers.helpers import whole_of
@@ -31,8 +31,8 @@ def case(shared):
 
 def new(path: Path, scratch: Path):
     """Return what ``fgnav new`` makes of a file."""
-    name, path = recognised(path, scratch)
-    settings = Settings(csv=(guessed(path),) if name == "csv" else ())
+    name, path = recognise_format(path, scratch)
+    settings = Settings(csv=(guess_table(path),) if name == "csv" else ())
     return whole_of([importer_named(name)(path, settings, scratch)], settings)
 
 

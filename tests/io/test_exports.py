@@ -2,16 +2,20 @@
 
 import hashlib
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, from_euler, to_euler
+from fgnav.io.exports.recorded import load_estimate, save_estimate
 from fgnav.io.exports.tables import ESTIMATE, SUMMARY, write_outcome
 from fgnav.io.flight.columns import EULER, EULER_SIGMA, PLACE, POSITION_SIGMA, VELOCITY
 from fgnav.io.flight.local_frame import attitude_to_n, place_to_n, velocity_to_n
+from fgnav.messages import note
 from fgnav.types.estimate import Estimate
+from fgnav.types.flight import Flight
 
 ORIGIN = Origin(latitude_rad=1.3, longitude_rad=0.2, height_m=100.0)
 
@@ -88,3 +92,13 @@ def test_a_summary_speaks_of_the_estimate_beside_it_or_both_stay_as_they_were(tm
     written = (tmp_path / summary["estimate"]["file"]).read_bytes()
     assert summary["estimate"]["sha256"] == hashlib.sha256(written).hexdigest()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["estimate.csv", "summary.json"]
+
+
+def test_an_origin_of_numpy_s_floats_and_messages_come_back(tmp_path):
+    origin = Origin(latitude_rad=np.radians(40.0), longitude_rad=np.radians(-4.0), height_m=700.0)
+    message = note("E401", method="m")
+    want = replace(estimate(np.random.default_rng(1)), notes=(message,))
+    flight = Flight(name="f", start_gps_s=1e9, origin=origin)
+    save_estimate(want, flight, tmp_path / "e.npz")
+    got = load_estimate(tmp_path / "e.npz")
+    assert (got.origin, got.estimate.notes) == (origin, (str(message),))

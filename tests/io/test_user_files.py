@@ -9,7 +9,7 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.io.flight.toml import FlightTable
 from fgnav.io.strict_toml import as_table, read_toml
-from fgnav.io.user_files import read_bytes, unpacked
+from fgnav.io.user_files import read_bytes, unpack
 
 
 def test_a_file_that_is_too_large_is_refused_unread(tmp_path, monkeypatch):
@@ -39,11 +39,11 @@ def test_what_is_no_regular_file_is_named_and_not_waited_for(tmp_path):
 
 def test_a_bomb_is_refused_before_it_is_unpacked():
     bomb = gzip.compress(gzip.compress(bytes(100_000_000)))
-    inner = unpacked(Path("a.gz"), bomb)
+    inner = unpack(Path("a.gz"), bomb)
     with pytest.raises(BadInputError, match=r"a\.gz: unpacks to more, at most \d+ are read"):
-        unpacked(Path("a.gz"), inner)
+        unpack(Path("a.gz"), inner)
     two = gzip.compress(b"one") + gzip.compress(b"two")
-    assert unpacked(Path("a.gz"), two) == b"onetwo"
+    assert unpack(Path("a.gz"), two) == b"onetwo"
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,9 @@ from fgnav.geometry import rotations
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.types.flight import Flight
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, PhotodetectorTable, Place, Scenario
+from fgnav_sim.scenario import FixesTable, ImuTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.simulate import simulate
 
 LIVELY = Motion(

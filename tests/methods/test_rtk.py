@@ -9,8 +9,9 @@ from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods import method_named
 from fgnav.methods.rtk import Rtk
 from fgnav.types.flight import GnssNoise
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Arc, Motion, Sine
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 LIVELY = Motion(

@@ -16,8 +16,9 @@ from fgnav.gravity import LowDynamics
 from fgnav.integers.resolvers.truth import Truth
 from fgnav.methods.closed_form import ClosedForm, weighted
 from fgnav.neural.factor import NeuralFactor
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import GnssTable, ImuTable, PhotodetectorTable, Place, Scenario
+from fgnav_sim.scenario import ImuTable, PhotodetectorTable, Place, Scenario
 from fgnav_sim.simulate import simulate
 from tests.methods.true_gravity import TrueGravity
 from tests.neural import graphs

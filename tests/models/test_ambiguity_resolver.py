@@ -11,8 +11,9 @@ from fgnav.integers.resolvers.registry import resolver_named
 from fgnav.methods.maximum_likelihood import MaximumLikelihood
 from fgnav_models.features import wrapped
 from fgnav_models.runtime.ambiguity import AmbiguityNetwork, classification, regression
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 SWING = Sine(amplitude_deg=20.0)

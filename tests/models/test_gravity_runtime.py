@@ -21,7 +21,7 @@ from fgnav_sim.data_sets.gravity import PHASES, gravity_flight
 from fgnav_sim.data_sets.gravity_world import GravityWorld, WindowsTable
 from fgnav_sim.motion import Arc, Motion, Rate, Straight
 from fgnav_sim.scenario import FixesTable, ImuTable, Scenario, load_scenario
-from fgnav_sim.simulate import simulate, simulate_many
+from fgnav_sim.simulate import simulate
 
 NAMES = ("gravity", "gravity-accelerometer")
 CRUISE = Motion(path=Straight(speed_mps=90.0))
@@ -47,7 +47,7 @@ def of_scenario(name, count):
     fixes = FixesTable(rate_hz=10.0)
     scenario = msgspec.structs.replace(load_scenario(name), gnss=None, fixes=fixes)
     rngs = np.random.default_rng(77).spawn(count)
-    return [one.flight for one in simulate_many(scenario, rngs)]
+    return [simulate(scenario, rng) for rng in rngs]
 
 
 def calibrated(name, flights):

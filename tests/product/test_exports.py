@@ -13,8 +13,8 @@ from fgnav.cli import main
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
 from fgnav.io.exports import exporter_named
-from fgnav.io.exports.maps import _above_sea
 from fgnav.io.exports.recorded import RecordedEstimate, load_estimate, save_estimate
+from fgnav.io.exports.trajectories import _above_sea
 from fgnav.io.flight.local_frame import place_of_n
 from fgnav.types.estimate import Estimate, Verdict
 from fgnav.types.flight import Flight

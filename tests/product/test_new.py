@@ -10,7 +10,7 @@ import pytest
 
 from fgnav.cli import main
 from fgnav.io.flight.folder import load_flight
-from fgnav.io.importers.guess import guessed
+from fgnav.io.importers.guess import guess_table
 from tests.io.importers import logs, streams, test_pos
 from tests.io.importers.helpers import imported
 from tests.io.rinex_texts import message, navigation_head, observation_3
@@ -189,7 +189,7 @@ def test_two_antennas_of_one_name_are_told_apart(tmp_path):
 )
 def test_columns_are_guessed_by_names_and_numbers(tmp_path, text, want):
     (tmp_path / "a.csv").write_text(text)
-    assert guessed(tmp_path / "a.csv").units == want
+    assert guess_table(tmp_path / "a.csv").units == want
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ def commands(flight: Path, scenario: Path, world: Path) -> tuple[Command, ...]:
         Command("run", lambda out: [*run, str(out / "results")], _is_torn_outcome),
         Command("compare", lambda out: [*compare, str(out / "a.json")], _is_torn_json),
         Command("simulate", lambda out: [*simulate, str(out / "batch")], _never, repeats=False),
-        Command("data-set", lambda out: [*draw, str(out / "set")], _never),
+        Command("data-set", lambda out: [*draw, str(out / "set")], _never, repeats=False),
     )
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from fgnav.gnss.difference import double_differences
 from fgnav.io.flight.folder import load_flight, save_flight
-from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.gnss.tables import GnssTable, LossOfLockTable, OutageTable, SlipsTable
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 from tests.gnss import rtklib
 from tests.sim import moving_base

@@ -148,6 +148,11 @@ gravity = 'j2'
 air = false
 gusts = { sigma_mps = 1.0 }
     flown.gusts: need air = true
+vehicle = "rigid_body"
+attitude = {}
+    flown.attitude: needs a vehicle with a table \[autopilot\]
+vehicle = "none.toml"
+    flown.vehicle: no such file
 wind = { height_m = [1.0, 0.0] }
     flown.wind.height_m: must increase, row 1 has 0 after 1
 wind = { height_m = [] }
@@ -175,8 +180,8 @@ shard_epochs = 5761
     times.duration_s: must be longer than
 sites = { kind = 'moon' }
     sites.kind: must be one of fixed, anywhere, got 'moon'
-sites = { kind = 'fixed', places = [{ latitude_deg = 91.0 }] }
-    sites.places\[0\].latitude_deg
+sites = { kind = 'fixed', place = { latitude_deg = 91.0 } }
+    sites.place.latitude_deg
 satellites = { choose = [6, 4] }
     satellites.choose: must be above zero, and a range
 satellites = { choose = 0 }
@@ -187,23 +192,12 @@ satellites = { signals = { X = ['1C'] } }
     satellites.signals.X: the constellation must be one of
 satellites = { signals = { G = ['9C'] } }
     satellites.signals.G: '9C' is not a RINEX 3 signal
-satellites = { navigation = ['no.rnx'] }
-    satellites.navigation: no such file, got '.*no.rnx'
-satellites = { navigation = ['a'], orbits = ['b'] }
-    satellites.orbits: must not stand beside navigation
 noise = { code_m = -1.0 }
     noise.code_m: must be above zero, and a range
 noise = { phase_m = [0.1, 0.2, 0.3] }
     noise.phase_m: must be above zero, and a range
-array = { kind = 'given', antennas_b_m = [[0, 0, 0]] }
-    array.antennas_b_m: must hold two antennas or more
-array = { kind = 'random', antennas = [8, 3] }
-    array.antennas: must be above zero, and a range
-array = { kind = 'random', scale = [2.0, 1.0] }
-    array.scale: must be above zero, and a range
-array = { kind = 'random' }
-reflectors = [{ point_b_m = [0, 0, 1], normal_b = [0, 0, 1] }]
-    reflectors: need one array for all runs
+antennas_b_m = [[0, 0, 0]]
+    antennas_b_m: must hold two antennas or more
 kind = 'gravity'
 shard_epochs = 30
     shard_epochs: must hold whole flights of 20
@@ -250,6 +244,27 @@ station_m = 3.1 => station_m = 1.813
 deflection_deg = 15.0 => deflection_deg = 95.0
     canards.deflection_deg: .* < 90
 """
+BODIES = r"""
+[autopilot]
+    autopilot: needs a table \[canards\]
+[canards]
+area_m2 = 1
+station_m = 1
+arm_m = 1
+    canards: need a table \[aerodynamics\]
+[aerodynamics]
+kind = "axisymmetric"
+diameter_m = 0.1
+mach = []
+    aerodynamics.mach: must hold 1 values or more
+[motor]
+propellant_kg = 1
+loaded_inertia_kgm2 = [1, 1, 1]
+loaded_centre_m = 0
+time_s = [0, 1]
+thrust_n = [0, 0]
+    motor.thrust_n: must rise above zero
+"""
 
 
 def cases(table):
@@ -275,7 +290,9 @@ def test_a_bad_flown_scenario_is_refused_in_one_line(tmp_path, text, message):
     lines = text.split("\n")
     above = [line for line in lines if line.startswith(ABOVE)]
     inside = [line for line in lines if not line.startswith(ABOVE)]
-    whole = "\n".join([*above, FLOWN, *inside])
+    given = {line.partition(" ")[0] for line in inside}
+    flown = [line for line in FLOWN.splitlines() if line.partition(" ")[0] not in given]
+    whole = "\n".join([*above, *flown, *inside])
     assert_refused(load_scenario, tmp_path / "flown.toml", whole, message)
 
 
@@ -291,3 +308,9 @@ def test_a_bad_vehicle_is_refused_in_one_line(tmp_path, change, message):
     assert old in rocket
     changed = rocket.replace(old, new, 1)
     assert_refused(load_vehicle, tmp_path / "rocket.toml", changed, message)
+
+
+@pytest.mark.parametrize(("text", "message"), cases(BODIES))
+def test_a_part_that_a_body_cannot_have_is_refused_in_one_line(tmp_path, text, message):
+    whole = f"[body]\nmass_kg = 1\ninertia_kgm2 = [1, 1, 1]\n{text}\n"
+    assert_refused(load_vehicle, tmp_path / "body.toml", whole, message)

@@ -8,8 +8,10 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav_sim.motion import Arc, Ramp
 from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Scenario, load_scenario
+from fgnav_sim.vehicle.tables import load_vehicle
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "sim" / "fgnav_sim" / "scenarios"
+VEHICLES = SCENARIOS.with_name("vehicles")
 
 
 def load(folder, text):
@@ -26,6 +28,11 @@ def test_every_scenario_that_is_shipped_loads_under_its_name_with_its_vehicle(pa
     assert scenario.flown is None or scenario.flown.vehicle.body.mass_kg > 0
     if path.stem in ("demo", "hour", "ramp", "spin", "approach"):
         assert scenario.antennas_b_m == PAPER_ANTENNAS_B_M
+
+
+@pytest.mark.parametrize("path", sorted(VEHICLES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_vehicle_that_is_shipped_loads_under_its_name(path):
+    assert load_vehicle(path).name == path.stem
 
 
 def test_an_empty_file_is_a_minute_over_madrid_without_sensors(tmp_path):

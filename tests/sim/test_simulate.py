@@ -6,12 +6,10 @@ import pytest
 
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.single_point.solution import code_solution
+from fgnav_sim.gnss.tables import BaselineTable, ClockTable, GnssTable
 from fgnav_sim.motion import Arc, Motion, Sine
 from fgnav_sim.scenario import (
-    BaselineTable,
-    ClockTable,
     FixesTable,
-    GnssTable,
     ImuTable,
     PhotodetectorTable,
     Place,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fgnav.alignment.alignment import Alignment
+from fgnav.alignment.filling import interpolated_attitudes
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
 from fgnav.attitude.quadratic import RotationQuadratic, tangent_jacobian
 from fgnav.checks import BoolArray, FloatArray, IntArray
@@ -25,16 +26,16 @@ from fgnav.types.differences import DoubleDifferences
 ELEMENTS = 9
 _MOST = 6  # stretches: nine dimensions of each travel through the flight's whole chain
 _LONGEST_S = 60.0
-_FEWEST = 3  # epochs of a stretch
+_MINIMUM = 3  # epochs of a stretch
 _NEAR_S = 1.5  # from an attitude about which a stretch begins
 _RATE_EPOCHS = 3  # for the rate of the body there
 _ROUNDS = 2  # of constants, and of attitudes with what they share
 _ITERATIONS, _SETTLED = 20, 1e-6
 _UNKNOWN = 1.0  # 1-sigma of an element of u: more than attitudes are off
-_OFF_RAD = 0.02  # 1-sigma of where a stretch begins, for those who ask before it is smoothed
+_ANCHOR_SIGMA_RAD = (
+    0.02  # 1-sigma of where a stretch begins, for those who ask before it is smoothed
+)
 _DROPPED_AT_MOST = 0.5  # of a stretch's epochs: with more, something else than integers is wrong
-_VARIANCES = ("code_variance_m2", "phase_variance_m2")
-_EPOCHS = ("t_s", "reference", "e_n", "elevation_rad", "code_m", "phase_m", "arc", *_VARIANCES)
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -45,6 +46,11 @@ class FloatArcs:
     stretch: IntArray  # (n,)
     count: int  # stretches
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def none(cls, n: int) -> "FloatArcs":
+        """Return those of n keyframes that all have integers, or no phases."""
+        return cls(stretch=np.full(n, -1, dtype=np.int64), count=0)
 
     @property
     def constants(self) -> tuple[Parameter, ...]:
@@ -78,48 +84,44 @@ def with_float_arcs(start: Alignment, false_alarm: float) -> tuple[Alignment, Fl
         At keyframes, (n,).
     false_alarm : float
     """
-    stretch = np.full(len(start.t_s), -1, dtype=np.int64)
-    none = FloatArcs(stretch=stretch, count=0)
+    none = FloatArcs.none(len(start.t_s))
     if start.phases is None or start.form is None or start.valid.all():
         return start, none
     differences = start.phases[0]
     epoch = start.epochs_of(differences.t_s)
     every_run = _runs(start, differences, epoch)
-    if not every_run:
-        return start, none
     by_length = np.argsort([-len(rows) for rows in every_run], kind="stable")
     runs = [every_run[i] for i in np.sort(by_length[:_MOST])]
-    valid, R_nb, P = start.valid.copy(), start.R_nb.copy(), start.covariance_rad2.copy()
-    form = RotationQuadratic(
-        start.form.information.copy(),
-        start.form.vector.copy(),
-        start.form.constant.copy(),
-        start.form.count.copy(),
-    )
-    arcs = count = 0
+    stretch, arcs, count = none.stretch.copy(), 0, 0
     omitted = sum(len(rows) for rows in every_run) - sum(len(rows) for rows in runs)
     for rows in runs:
-        R_0, anchor = _beside(start.t_s, R_nb, valid, rows)
+        R_0, anchor = _attitude_at_end(start, rows)
         if R_0 is None:
             omitted += len(rows)
             continue
-        part = _taken(differences, epoch[rows])
-        of_run, attitude, good = _solved(part, anchor, R_0, false_alarm)
-        omitted += int((~good).sum())
-        if good.mean() < _DROPPED_AT_MOST or good.sum() < _FEWEST:
-            omitted += int(good.sum())
+        selected = differences[epoch[rows]]
+        form, attitude, good = _solved(selected, anchor, R_0, false_alarm)
+        if good.mean() < _DROPPED_AT_MOST or good.sum() < _MINIMUM:
+            omitted += len(rows)
             continue
-        at = rows[good]
-        valid[at], R_nb[at], stretch[at] = True, attitude.R_nb[good], count
-        P[at] = attitude.covariance_rad2[good] + _OFF_RAD**2 * np.eye(3)
-        for name in ("information", "vector", "constant", "count"):
-            getattr(form, name)[at] = getattr(of_run, name)[good]
-        arcs += int(part.resolvable[0].sum())
+        omitted += int((~good).sum())
+        kept = np.flatnonzero(good)
+        at = rows[kept]
+        aligned = replace(
+            start[at],
+            R_nb=attitude.R_nb[kept],
+            covariance_rad2=attitude.covariance_rad2[kept] + _ANCHOR_SIGMA_RAD**2 * np.eye(3),
+            valid=good[kept],
+            form=form[kept],
+        )
+        start, stretch[at] = start.with_rows(at, aligned), count
+        arcs += int(selected.resolvable[0].sum())
         count += 1
-    return (
-        replace(start, valid=valid, R_nb=R_nb, covariance_rad2=P, form=form),
-        FloatArcs(stretch=stretch, count=count, notes=_notes(stretch, count, arcs, omitted)),
-    )
+    if count:
+        R_nb = interpolated_attitudes(start.t_s, start.R_nb, start.valid)
+        start = replace(start, R_nb=R_nb)
+    notes = _notes(stretch, count, arcs, omitted)
+    return start, FloatArcs(stretch=stretch, count=count, notes=notes)
 
 
 def _notes(stretch: IntArray, count: int, arcs: int, omitted: int) -> tuple[str, ...]:
@@ -137,7 +139,7 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     phase = np.isfinite(differences.phase_m)
     wanted = np.flatnonzero((epoch >= 0) & ~start.valid & ~start.refused)
     wanted = wanted[phase[epoch[wanted]].any(axis=(1, 2))]
-    if len(wanted) < _FEWEST:
+    if len(wanted) < _MINIMUM:
         return []
     of = epoch[wanted]
     same = (phase[of[1:]] == phase[of[:-1]]).all(axis=(1, 2))
@@ -148,17 +150,15 @@ def _runs(start: Alignment, differences: DoubleDifferences, epoch: IntArray) -> 
     for rows in np.split(wanted, first[1:]):
         turn = ((start.t_s[rows] - start.t_s[rows[0]]) // _LONGEST_S).astype(np.int64)
         runs += np.split(rows, np.flatnonzero(np.diff(turn)) + 1)
-    return [rows for rows in runs if len(rows) >= _FEWEST]
+    return [rows for rows in runs if len(rows) >= _MINIMUM]
 
 
-def _beside(
-    t_s: FloatArray, R_nb: FloatArray, valid: BoolArray, rows: IntArray
-) -> tuple[FloatArray | None, int]:
-    """Return about how the body stands at one end of a run, and at which of its epochs.
+def _attitude_at_end(start: Alignment, rows: IntArray) -> tuple[FloatArray | None, int]:
+    """Return the attitude at one end of a run, and at which of its epochs; None of neither.
 
-    It turns on as it did over the last attitudes on that side.
+    The body turns on as it did over the last attitudes on that side.
     """
-    good = np.flatnonzero(valid)
+    t_s, R_nb, good = start.t_s, start.R_nb, np.flatnonzero(start.valid)
     place = int(np.searchsorted(good, rows[0]))  # of the first known after the run
     ends = [(rows[0], place - 1, -1, 0), (rows[-1], place, 1, -1)]
     for row, at, side, anchor in ends:
@@ -166,7 +166,7 @@ def _beside(
             continue
         near = good[at]
         away = near + side * _RATE_EPOCHS
-        if not (0 <= away < len(t_s) and valid[away]):
+        if not (0 <= away < len(t_s) and start.valid[away]):
             return R_nb[near], anchor
         share = (t_s[row] - t_s[near]) / (t_s[near] - t_s[away])
         turn = log(R_nb[away].T[None] @ R_nb[near][None])
@@ -174,35 +174,30 @@ def _beside(
     return None, 0
 
 
-def _taken(differences: DoubleDifferences, rows: IntArray) -> DoubleDifferences:
-    """Select epochs of the differences."""
-    return replace(differences, **{name: getattr(differences, name)[rows] for name in _EPOCHS})
-
-
 def _solved(
-    part: DoubleDifferences, anchor: int, R_0: FloatArray, false_alarm: float
+    selected: DoubleDifferences, anchor: int, R_0: FloatArray, false_alarm: float
 ) -> tuple[RotationQuadratic, AttitudeSolution, BoolArray]:
     """Return form and attitudes of a run, and which of its epochs agree with themselves.
 
     Parameters are first such that the body stands so at one epoch, then those that all epochs have
     on average: the noise of the one would show in the residuals of all.
     """
-    R_nb = np.repeat(R_0[None], len(part.t_s), axis=0)
-    constant_m = (part.phase_m - part.array_m(R_nb))[anchor]
-    R_nb = maximum_likelihood(_form(part, constant_m), R_nb).R_nb
+    R_nb = np.repeat(R_0[None], len(selected.t_s), axis=0)
+    constant_m = (selected.phase_m - selected.array_m(R_nb))[anchor]
+    R_nb = maximum_likelihood(_form(selected, constant_m), R_nb).R_nb
     for _ in range(_ROUNDS):
-        R_nb = _adjusted(_form(part, constant_m), R_nb)
-        constant_m = (part.phase_m - part.array_m(R_nb)).mean(axis=0)
-    form = _form(part, constant_m)
+        R_nb = _adjusted(_form(selected, constant_m), R_nb)
+        constant_m = (selected.phase_m - selected.array_m(R_nb)).mean(axis=0)
+    form = _form(selected, constant_m)
     attitude = maximum_likelihood(form, R_nb)
     sound = attitude.solved & ~attitude.open_axis_b.any(axis=1)
     return form, attitude, sound & attitude.consistent(false_alarm)
 
 
-def _form(part: DoubleDifferences, constant_m: FloatArray) -> RotationQuadratic:
+def _form(selected: DoubleDifferences, constant_m: FloatArray) -> RotationQuadratic:
     """Return the form of phases less a constant of each link, (b, m)."""
-    of_link = np.where(part.is_reference[:, None], 0.0, constant_m)
-    return RotationQuadratic.of_ranges(part, part.phase_m - of_link)
+    of_link = np.where(selected.is_reference[:, None], 0.0, constant_m)
+    return RotationQuadratic.of_ranges(selected, selected.phase_m - of_link)
 
 
 def _adjusted(form: RotationQuadratic, R_nb: FloatArray) -> FloatArray:
@@ -220,8 +215,8 @@ def _adjusted(form: RotationQuadratic, R_nb: FloatArray) -> FloatArray:
         share = by_turn.swapaxes(1, 2) @ K  # (k, 9, 3)
         along = np.einsum("kij,ki->kj", J, pull)
         N = (W - share @ by_turn).sum(axis=0) + np.eye(ELEMENTS) / _UNKNOWN**2
-        rest = (pull - np.einsum("kij,kj->ki", share, along)).sum(axis=0) + u / _UNKNOWN**2
-        step = -np.linalg.solve(N, rest)
+        remainder = (pull - np.einsum("kij,kj->ki", share, along)).sum(axis=0) + u / _UNKNOWN**2
+        step = -np.linalg.solve(N, remainder)
         turn = -np.einsum("kij,kj->ki", K, along + by_turn @ step)
         R_nb, u = R_nb @ exp(turn), u + step
         if max(np.abs(step).max(), np.abs(turn).max()) < _SETTLED:

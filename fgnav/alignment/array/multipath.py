@@ -12,21 +12,21 @@ import numpy as np
 from fgnav.alignment.alignment import Alignment
 from fgnav.attitude.quadratic import RotationQuadratic
 from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.gnss.clock_free import clock_free
 from fgnav.graph.inertial.multipath import Multipath
 from fgnav.kernels.compiled import kernel
 from fgnav.messages import note
 from fgnav.process.hyperparameters import VERY_STRONG_EVIDENCE, likeliest
 from fgnav.types.differences import DoubleDifferences
 
-_FEWEST = 30  # epochs, as of noise
+_MINIMUM = 30  # epochs, as of noise
 _MOST = 6000  # epochs that are looked at: ten minutes at 10 Hz, thirty times what echoes last
 _LONGEST = 10.0  # spans of what is looked at: of a longer one only that it lasts is known
 _SHARES = (0.01, 0.99)  # of variance, between which one is sought
-_SWEEPS = 5  # of taking off clocks and satellites, one after the other: gaps couple both weakly
 _KNOWN = 1e-10  # relative eigenvalue, as of forms
 
 
-def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
+def correlated_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
     """Build the time-correlated phase error at keyframes, and a note; None of white errors.
 
     Parameters
@@ -40,11 +40,11 @@ def lasting_error(start: Alignment) -> tuple[Multipath | None, tuple[str, ...]]:
     epoch = start.epochs_of(differences.t_s)
     seen = (epoch >= 0) & start.valid
     rows = epoch[seen]
-    if len(rows) < _FEWEST:
+    if len(rows) < _MINIMUM:
         return None, ()
     kept_rows = rows[-_MOST:]
     residuals = link_residuals(differences, ranges_m, kept_rows, start.R_nb[seen][-_MOST:])
-    process = lasting_process(differences.t_s[kept_rows], residuals)
+    process = correlated_process(differences.t_s[kept_rows], residuals)
     if process is None:
         return None, ()
     share, constant_s = process
@@ -65,8 +65,7 @@ def link_residuals(
 ) -> FloatArray:
     """Return residuals of links at some epochs, in 1-sigmas of their noise, (k, a m); NaN of none.
 
-    Clocks of antennas and ranges of satellites are taken off by means, those of the antennas by
-    weight.
+    Clocks of antennas and of satellites are eliminated.
 
     Parameters
     ----------
@@ -75,31 +74,20 @@ def link_residuals(
     rows : ndarray of int, shape (k,)
     R_nb : ndarray, shape (k, 3, 3)
     """
-    b, m = len(differences.baselines_b_m), len(differences.satellites)
-    k, e_n = len(rows), differences.e_n[rows]
-    off_m: FloatArray = np.zeros((k, b + 1, m))
-    model_m = -np.einsum("kij,bj,kmi->kbm", R_nb, differences.baselines_b_m, e_n)
-    off_m[:, 1:] = ranges_m[rows] - model_m
-    here = np.isfinite(off_m)
-    here[:, 0] = here[:, 1:].any(axis=1)
-    here &= here.sum(axis=1, keepdims=True) > 1
-    off_m = np.where(here, off_m, 0.0)
-    weight = here / differences.phase_variance_m2[rows][:, None]
-    for _ in range(_SWEEPS):
-        for g in range(differences.reference.shape[1]):
-            in_group = differences.group == g
-            total = weight[:, :, in_group].sum(axis=2, keepdims=True)
-            mean_m = (weight * off_m)[:, :, in_group].sum(axis=2, keepdims=True)
-            off_m[:, :, in_group] -= mean_m / np.where(total > 0, total, 1.0)
-        off_m -= off_m.sum(axis=1, keepdims=True, where=here) / here.sum(
-            axis=1, keepdims=True
-        ).clip(1)
-        off_m = np.where(here, off_m, 0.0)
-    sigmas = off_m / np.sqrt(differences.phase_variance_m2[rows])[:, None]
-    return np.where(here, sigmas, np.nan).reshape(k, -1)
+    part_m = ranges_m[rows] + np.einsum(
+        "kij,bj,kmi->kbm", R_nb, differences.baselines_b_m, differences.e_n[rows]
+    )
+    seen, variance_m2 = np.isfinite(part_m), differences.phase_variance_m2[rows]
+    links = np.concatenate([seen.any(axis=1, keepdims=True), seen], axis=1)
+    values: FloatArray = np.zeros((*links.shape, 1))
+    values[:, 1:, :, 0] = np.where(seen, part_m, 0.0)
+    left = clock_free(differences.group, links, variance_m2, values).weighted[..., 0]
+    sigmas = left * np.sqrt(variance_m2)[:, None]
+    alone = links.sum(axis=1, keepdims=True) < 2
+    return np.where(links & ~alone, sigmas, np.nan).reshape(len(rows), -1)
 
 
-def lasting_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, float] | None:
+def correlated_process(t_s: FloatArray, residuals: FloatArray) -> tuple[float, float] | None:
     """Return share of variance and time constant, s, of what stays of residuals, (k, m).
 
     None where white noise is as likely.
@@ -142,10 +130,10 @@ def _innovations(
             mean, last = rho * mean, t_s[k]
             variance = share + rho * rho * (variance - share)
             S = variance + 1 - share
-            off = value - mean
-            squares += off * off / S
+            innovation = value - mean
+            squares += innovation * innovation / S
             log_det += np.log(S)
-            mean += variance / S * off
+            mean += variance / S * innovation
             variance -= variance * variance / S
     return squares, log_det
 

@@ -6,7 +6,8 @@ flight with its antennas in another order is a flight like any other.
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,14 +15,13 @@ from fgnav.alignment.gaps import gap_notes, spans
 from fgnav.checks import IntArray, Unused, unused_of
 from fgnav.messages import Note
 from fgnav.types.flight import Flight
+from fgnav.types.observations import Observations
 
 _SATELLITES = 4  # of a position
-_PER_ANTENNA = ("tag_s", "code_m", "phase_cycles", "doppler_hz", "cn0_dbhz", "lock_flags")
 _AGAINST = "not tracked by the reference antenna"
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class View:
+class View(NamedTuple):
     """A flight by one reference antenna."""
 
     flight: Flight  # its first antenna is the reference
@@ -35,7 +35,23 @@ def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
     satellites. Each other has the epochs at which no reference before it tracks four and its own
     does. Next comes the antenna with most such epochs; causal, whichever is next in the flight.
     """
-    return tuple(_views(flight, causal=causal))
+    observations = flight.observations
+    if observations is None:
+        return (View(flight=flight, rows=np.empty(0, dtype=np.int64)),)
+    enough = np.isfinite(observations.code_m).sum(axis=2) >= _SATELLITES  # (n, a)
+    everything = np.arange(len(observations.t_s))
+    tracked = enough.any(axis=0) if causal else enough.sum(axis=0)
+    first = 0 if enough[:, :1].any() or not enough.any() else int(tracked.argmax())
+    by_first = flight if first == 0 else _by(flight, observations, first, everything)
+    views = [View(flight=by_first, rows=everything)]
+    missing = ~enough[:, first] if enough.size else np.zeros(0, dtype=np.bool_)
+    while (enough & missing[:, None]).any():
+        remaining = (enough & missing[:, None]).sum(axis=0)
+        best = int((remaining > 0).argmax() if causal else remaining.argmax())
+        rows = np.flatnonzero(missing & enough[:, best])
+        views.append(View(flight=_by(flight, observations, best, rows), rows=rows))
+        missing[rows] = False
+    return tuple(views)
 
 
 def pivot_unused(views: tuple[View, ...], unused: tuple[Unused, ...]) -> tuple[Unused, ...]:
@@ -68,35 +84,9 @@ def pivot_notes(views: tuple[View, ...]) -> Iterator[Note]:
     yield from gap_notes(what, gone_s, "W103", instead=names)
 
 
-def _views(flight: Flight, *, causal: bool) -> Iterator[View]:
-    observations = flight.observations
-    if observations is None:
-        yield View(flight=flight, rows=np.empty(0, dtype=np.int64))
-        return
-    enough = np.isfinite(observations.code_m).sum(axis=2) >= _SATELLITES  # (n, a)
-    everything = np.arange(len(observations.t_s))
-    tracked = enough.any(axis=0) if causal else enough.sum(axis=0)
-    first = 0 if enough[:, :1].any() or not enough.any() else int(tracked.argmax())
-    by_first = flight if first == 0 else _by(flight, first, everything)
-    yield View(flight=by_first, rows=everything)
-    missing = ~enough[:, first] if enough.size else np.zeros(0, dtype=np.bool_)
-    while (enough & missing[:, None]).any():
-        remaining = (enough & missing[:, None]).sum(axis=0)
-        best = int((remaining > 0).argmax() if causal else remaining.argmax())
-        rows = np.flatnonzero(missing & enough[:, best])
-        yield View(flight=_by(flight, best, rows), rows=rows)
-        missing[rows] = False
-
-
-def _by(flight: Flight, reference: int, rows: IntArray) -> Flight:
+def _by(flight: Flight, observations: Observations, reference: int, rows: IntArray) -> Flight:
     """Select epochs of a flight and make an antenna the first one."""
-    observations = flight.observations
-    if observations is None:
-        return flight
-    others = [k for k in range(len(flight.antennas)) if k != reference]
-    order = [reference, *others]
-    changed = {name: getattr(observations, name)[rows][:, order] for name in _PER_ANTENNA}
-    part = replace(observations, t_s=observations.t_s[rows], unused=(), **changed)
-    return replace(
-        flight, antennas=tuple(flight.antennas[k] for k in order), observations=part, unused=()
-    )
+    order = [reference, *(k for k in range(len(flight.antennas)) if k != reference)]
+    part = replace(observations[rows].of_antennas(np.array(order)), unused=())
+    antennas = tuple(flight.antennas[k] for k in order)
+    return replace(flight, antennas=antennas, observations=part, unused=())

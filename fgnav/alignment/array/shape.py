@@ -6,74 +6,27 @@ with the flight; with the places known it is the same form.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from fgnav.alignment.alignment import Alignment
 from fgnav.attitude.array import AttitudeSolution, maximum_likelihood
-from fgnav.attitude.quadratic import RotationQuadratic
-from fgnav.checks import BoolArray, FloatArray, IntArray
+from fgnav.attitude.quadratic import RotationQuadratic, square_root
+from fgnav.checks import FloatArray
 from fgnav.geometry.rotations import exp, skew
 from fgnav.gnss.clock_free import range_information
+from fgnav.graph.factors.array_shape import ArrayShape
 from fgnav.graph.types.parameters import Parameter
 from fgnav.integers.resolvers.resolve import resolve
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
 from fgnav.types.integers import Resolver, fixed_ranges_m
 
-_NOTHING = 1e-10  # relative eigenvalue: rounding
 _ITERATIONS = 20
 _STEP_M = 1e-5
 _MISFIT = 4.0  # times the median: an epoch with wrong integers
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class BaselineForm:
-    """Cost of the baselines u, (b, 3), in ``n``: ``|root (u - minimum).ravel()|^2 / 2``."""
-
-    valid: BoolArray  # (n,)
-    root: FloatArray  # (n, 3 b, 3 b)
-    minimum: FloatArray  # (n, b, 3)
-    baselines_b_m: FloatArray  # (b, 3): as the flight states them
-
-    def scatter(self, rows: IntArray, n: int, mine: IntArray | None = None) -> "BaselineForm":
-        """Return the form, or (k,) epochs of it, at some, (k,), of n keyframes."""
-        mine = np.arange(len(self.valid)) if mine is None else mine
-        valid, root = np.zeros(n, dtype=np.bool_), np.zeros((n, *self.root.shape[1:]))
-        minimum = np.zeros((n, *self.minimum.shape[1:]))
-        valid[rows] = self.valid[mine]
-        root[rows], minimum[rows] = self.root[mine], self.minimum[mine]
-        return replace(self, valid=valid, root=root, minimum=minimum)
-
-    def with_variance_of(self, form: RotationQuadratic, mine: IntArray) -> "BaselineForm":
-        """Return the form, the noise of some epochs, (k,), raised to that of forms of the rotation.
-
-        The same ranges make them, as the places stand by which this one's baselines are known.
-        """
-        arms_b_m = self.baselines_b_m
-        by_rotation = np.einsum("ia,bc->bica", np.eye(3), arms_b_m)
-        root = self.root[mine] @ by_rotation.reshape(-1, 9)
-        share = np.einsum("nii->n", form.information) / np.einsum("nki,nki->n", root, root)
-        scaled = self.root.copy()
-        scaled[mine] *= np.sqrt(share)[:, None, None]
-        return replace(self, root=scaled)
-
-    @classmethod
-    def of_ranges(cls, differences: DoubleDifferences, ranges_m: FloatArray) -> "BaselineForm":
-        """Collect double differences without integers; see ``RotationQuadratic.of_ranges``."""
-        information, vector = baseline_information(differences, ranges_m)
-        values, vectors = np.linalg.eigh(information)
-        observable = values > _NOTHING * values[:, -1:].clip(1e-30)
-        root = np.sqrt(np.where(observable, values, 0.0))
-        inverse = np.where(observable, 1.0 / np.where(observable, values, 1.0), 0.0)
-        minimum = np.einsum("nij,nj,nkj,nk->ni", vectors, inverse, vectors, vector)
-        return cls(
-            valid=values[:, -1] > 0,
-            root=root[:, :, None] * vectors.swapaxes(1, 2),
-            minimum=minimum.reshape(len(minimum), -1, 3),
-            baselines_b_m=differences.baselines_b_m,
-        )
 
 
 def baseline_information(
@@ -86,40 +39,43 @@ def baseline_information(
     return joint[:, by_baseline[:, None], by_baseline], joint[:, by_baseline, -1]
 
 
-def shape_at(
-    phases: tuple[DoubleDifferences, FloatArray] | None,
-    form: RotationQuadratic | None,
-    t_s: FloatArray,
-    valid: BoolArray,
-    constants: tuple[Parameter, ...],
-    names: tuple[str, ...],
-) -> BaselineForm | None:
-    """Return the form of the baselines at keyframes of an array whose shape is estimated.
+def array_shape(
+    start: Alignment, constants: tuple[Parameter, ...], names: tuple[str, ...]
+) -> ArrayShape | None:
+    """Return the phases of an array whose shape is estimated: the cost of its baselines in ``n``.
+
+    The noise of an epoch is raised to that of its form of the rotation.
 
     Parameters
     ----------
-    phases : tuple of DoubleDifferences and ndarray, or None
-        Of the array where its phases place it, and their ranges without integers.
-    form : RotationQuadratic or None
-        Of the rotation, by the same ranges, at keyframes.
-    t_s, valid : ndarray, shape (n,)
-        Keyframes, and which of them have an attitude by it.
+    start : Alignment
+        At keyframes, by an array where its phases place it.
     constants : tuple of Parameter
         They start where phases place antennas; the baselines returned are those of the flight.
     names : tuple of str
         Of the antennas, the reference first.
     """
     offs = {i: constants[k].start for i, k in enumerate(antenna_parts(constants, names)) if k >= 0}
-    if not offs or phases is None or form is None:
+    if not offs or start.phases is None or start.form is None:
         return None
-    differences, ranges_m = phases
-    row = np.searchsorted(t_s, differences.t_s).clip(max=len(t_s) - 1)
-    mine = np.flatnonzero((t_s[row] == differences.t_s) & valid[row])
-    form_b = BaselineForm.of_ranges(differences, ranges_m).with_variance_of(form[row[mine]], mine)
-    stated_b_m = form_b.baselines_b_m.copy()
+    differences, ranges_m = start.phases
+    epoch = start.epochs_of(differences.t_s)
+    information, vector = baseline_information(differences, ranges_m)
+    row = np.flatnonzero((epoch >= 0) & start.valid)
+    row = row[information[epoch[row]].any(axis=(1, 2))]
+    root, minimum = square_root(information[epoch[row]], vector[epoch[row]])
+    nominal_b_m = differences.baselines_b_m.copy()
+    of_rotation = root @ np.einsum("ia,bc->bica", np.eye(3), nominal_b_m).reshape(-1, 9)
+    raised = np.einsum("nii->n", start.form.information[row]) / (of_rotation**2).sum(axis=(1, 2))
     for place, off_b_m in offs.items():
-        stated_b_m[place] -= off_b_m
-    return replace(form_b.scatter(row[mine], len(t_s), mine), baselines_b_m=stated_b_m)
+        nominal_b_m[place] -= off_b_m
+    return ArrayShape(
+        row=row,
+        root=np.sqrt(raised)[:, None, None] * root,
+        minimum_n_m=minimum.reshape(len(row), -1, 3),
+        baselines_b_m=nominal_b_m,
+        antennas=names[1:],
+    )
 
 
 class FixedPhases(NamedTuple):
@@ -169,6 +125,11 @@ def initial_shape(
         moved[i + 1] = replace(antenna, position_b_m=antenna.position_b_m + off_b_m)
         started[parts[i]] = replace(started[parts[i]], start=off_b_m)
     return replace(flight, antennas=tuple(moved)), tuple(started)
+
+
+def is_shape_estimated(constants: tuple[Parameter, ...]) -> bool:
+    """Return True if positions of antennas are among the constants."""
+    return any(constant.name.startswith("antenna ") for constant in constants)
 
 
 def antenna_parts(constants: tuple[Parameter, ...], names: tuple[str, ...]) -> tuple[int, ...]:

@@ -13,7 +13,7 @@ from fgnav.messages import note
 from fgnav.types.flight import Flight, Imu
 
 
-def carried_attitudes(
+def gyroscope_alignment(
     flight: Flight, imu: Imu, *, causal: bool = False, earlier: EarlierMotion | None = None
 ) -> Alignment:
     """Return attitudes at the epochs of a flight's track.
@@ -31,20 +31,19 @@ def carried_attitudes(
     t_s = track.t_s
     if not len(t_s):
         raise NoSolutionError("attitude: the flight's track has no epoch")
-    gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[[0, 0]])[0]
-    if earlier is not None:
-        gravity_n_mps2 = earlier.gravity_n_mps2
-        motion = in_motion(imu, track, gravity_n_mps2, earlier)
-    else:
+    if earlier is None:
+        gravity_n_mps2 = flight.origin.gravity_n_mps2(track.p_n_m[[0, 0]])[0]
+        first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
+        step_s, given_s = float(np.diff(t_s[:2]).sum()), np.inf
+        R_level: FloatArray = np.eye(3)
         motion = (in_motion if causal else in_motion_smoothed)(imu, track, gravity_n_mps2)
+    else:
+        first_s, step_s, _, gravity_n_mps2, R_level, *_, given_s = earlier
+        motion = in_motion(imu, track, gravity_n_mps2, earlier)
     if motion is None:
         raise NoSolutionError(f"attitude: {len(imu.t_s)} inertial samples are too few")
-    first_s = float(t_s[np.searchsorted(t_s, imu.t_s[0]).clip(0, len(t_s) - 1)])
-    first_s = first_s if earlier is None else earlier.first_s
-    given_s = without_motion_s = heading_without_motion_s(flight, first_s)
-    if earlier is not None:  # by samples that are gone
-        given_s = without_motion_s = min(without_motion_s, earlier.without_motion_s)
-    R_level = np.eye(3) if earlier is None else earlier.R_level
+    # By samples that are gone as well.
+    given_s = without_motion_s = min(heading_without_motion_s(flight, first_s), given_s)
     if len(motion.until_s) and not (causal and without_motion_s < np.inf):
         window = motion.latest(t_s) if causal else motion.nearest(t_s)
         determined_s = float(motion.until_s[0]) if causal else -np.inf
@@ -73,7 +72,7 @@ def carried_attitudes(
         notes=(note("W201"),) if determined_s == np.inf else (),
         motion=EarlierMotion(
             first_s=first_s,
-            step_s=float(np.diff(t_s[:2]).sum()) if earlier is None else earlier.step_s,
+            step_s=step_s,
             until_s=float(t_s[t_s <= imu.t_s[-1]].max(initial=-np.inf)),
             gravity_n_mps2=gravity_n_mps2,
             R_level=R_level,

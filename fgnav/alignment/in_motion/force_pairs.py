@@ -75,8 +75,8 @@ class Integrated:
     def covers(self, t_s: FloatArray) -> BoolArray:
         """Select the times, (n,), that the record covers outside of its gaps."""
         row = np.searchsorted(self._t_s, t_s, side="right") - 1
-        late_s = t_s - self._t_s[row.clip(0)]
-        return np.asarray((row >= 0) & (late_s <= LONGEST_GAP_S))
+        age_s = t_s - self._t_s[row.clip(0)]
+        return np.asarray((row >= 0) & (age_s <= LONGEST_GAP_S))
 
     def at(self, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return velocity and place, (n, 3), by samples up to each time, the last one held."""

@@ -30,18 +30,11 @@ _SETTLED = 1e-3  # of a step over its sigma
 
 
 class GyroscopeBias(NamedTuple):
-    """A constant bias, (3,), and its largest 1-sigma."""
-
-    bias_b_radps: FloatArray
-    sigma_radps: float
-
-
-class _Fit(NamedTuple):
-    """Attitude at the middle, (3, 3), both biases, (6,), and the gyroscope's largest sigma."""
+    """Attitude at the middle of a stretch, (3, 3), and biases by its pairs."""
 
     R_nb: FloatArray
-    biases: FloatArray
-    sigma_radps: float
+    biases: FloatArray  # (6,), of the gyroscope, then of the accelerometer
+    sigma_radps: float  # the gyroscope's largest
 
 
 def gyroscope_bias(
@@ -72,27 +65,25 @@ def gyroscope_bias(
         None where no stretch determines it.
     """
     middle_s, length_s = sum(within_s) / 2, within_s[1] - within_s[0]
-    fit, bias = _Fit(R_nb, np.zeros(6), np.inf), None
+    start, bias = GyroscopeBias(R_nb, np.zeros(6), np.inf), None
     while True:
         length_s = min(length_s, LONGEST_S)
         near = np.abs(imu.t_s - middle_s) <= length_s / 2
         inside = np.abs(track.t_s - middle_s) <= length_s / 2
-        fitted = None
         if near.any() and inside.any():
-            fitted = _fitted(imu[near], track[inside], gravity_n_mps2, middle_s, fit)
-        if fitted is not None:
-            fit = fitted
-            bias = GyroscopeBias(fit.biases[:3], fit.sigma_radps)
+            fit = _fitted(imu[near], track[inside], gravity_n_mps2, middle_s, bias or start)
+            bias = fit or bias
         if length_s >= LONGEST_S or near.all():
             return bias
         length_s *= 2
 
 
 def _fitted(
-    imu: Imu, track: Track, gravity_n_mps2: FloatArray, middle_s: float, start: _Fit
-) -> _Fit | None:
+    imu: Imu, track: Track, gravity_n_mps2: FloatArray, middle_s: float, start: GyroscopeBias
+) -> GyroscopeBias | None:
     """Return the fit of a stretch; None where it does not settle."""
-    information = _stated(imu)
+    sigmas = (np.inf, imu.gyroscope_bias_radps or np.inf, imu.accelerometer_bias_mps2 or np.inf)
+    information = np.diag(np.repeat(sigmas, 3) ** -2.0)  # of attitude and biases
     R_nb, biases = start.R_nb, start.biases
     for _ in range(_MOST_STEPS):
         rotation = _rotation(imu, biases)
@@ -101,8 +92,8 @@ def _fitted(
             return None
         columns = []
         for k, step in enumerate(_STEP * np.eye(6)):
-            turned = _rotation(imu, biases + step) if k < 3 else rotation  # by the gyroscope alone
-            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step, turned)
+            rotated = _rotation(imu, biases + step) if k < 3 else rotation  # by the gyroscope alone
+            moved = _forces(imu, track, gravity_n_mps2, middle_s, biases + step, rotated)
             if moved is None:
                 return None
             columns.append((moved.f_u_mps2 - pairs.f_u_mps2) @ R_nb.T / _STEP)
@@ -119,15 +110,9 @@ def _fitted(
         x = P @ h
         R_nb, biases = exp(x[None, :3])[0] @ R_nb, biases + x[3:]
         if x @ h < len(x) * _SETTLED**2:
-            return _Fit(R_nb, biases, float(np.sqrt(np.linalg.eigvalsh(P[3:6, 3:6])[-1])))
+            sigma_radps = float(np.sqrt(np.linalg.eigvalsh(P[3:6, 3:6])[-1]))
+            return GyroscopeBias(R_nb, biases, sigma_radps)
     return None
-
-
-def _stated(imu: Imu) -> FloatArray:
-    """Return the nominal information about attitude and biases, (9, 9)."""
-    sigmas = (imu.gyroscope_bias_radps, imu.accelerometer_bias_mps2)
-    information = [1 / sigma**2 if sigma else 0.0 for sigma in sigmas]
-    return np.diag(np.repeat([0.0, *information], 3))
 
 
 def _rotation(imu: Imu, biases: FloatArray) -> ImuRotation | None:

@@ -12,7 +12,7 @@ References
 .. [1] Carter: Coherence and time delay estimation, Proceedings of the IEEE 75(2), 1987.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -34,17 +34,18 @@ WINDOW_S = (
     30.0  # a bias of 0.02 rad/s, a straight line in tilt, turns heading by 0.3 rad to its middle
 )
 _MOST = int(WINDOW_S / _SPANS_S[0]) + 2  # pairs: all windows alike add up in the same order
-_FEWEST = 4  # pairs beside the two of a straight line
+_MINIMUM = 4  # pairs beside the two of a straight line
 _CHANCE = 1e-7  # of a heading where there is none: six spans a second are one in half a month
 _BEGUN = 0.05  # of the information about heading lies before motion began: noise, at rest
 _GAIN = (0.5, 2.0)  # of alpha over beta: beyond, fixes and accelerometer have different motions
 _UP_U = np.array([0.0, 0.0, -1.0])  # specific force at rest, frame n, in units of gravity
 
+
 ComplexArray: TypeAlias = NDArray[np.complexfloating[Any]]
+Columns: TypeAlias = tuple[FloatArray, ...]  # of ``InMotion``, by window
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class InMotion:
+class InMotion(NamedTuple):
     """Headings of windows, each from what lies in it."""
 
     until_s: FloatArray  # (k,): ends of the windows, increasing: nothing later takes part
@@ -57,10 +58,14 @@ class InMotion:
     bias_b_radps: FloatArray  # (3,): of the gyroscope, taken out of ``rotation``
     bias_sigma_radps: float  # of what is left of it
 
-    def at(self, which: IntArray) -> "InMotion":
+    @property
+    def columns(self) -> "Columns":
+        """Fields by window."""
+        return self.until_s, self.begun_s, self.middle_s, self.R_nu, self.sigma_rad
+
+    def at(self, rows: IntArray) -> "InMotion":
         """Select windows."""
-        rows: dict[str, Any] = {name: getattr(self, name)[which] for name in _Windows._fields}
-        return replace(self, **rows)
+        return InMotion._make((*_rows(self.columns, rows), *self[len(self.columns) :]))
 
     def nearest(self, t_s: FloatArray) -> IntArray:
         """Return the windows, (n,), whose middle is nearest to times."""
@@ -129,18 +134,13 @@ def in_motion(
         for span_s in _SPANS_S
         for pairs in specific_forces(integrated, track, span_s, gravity_n_mps2, first_s)
     ]
-    best = _concatenate(windows)  # in order of their ends, the surest of those that end together
-    best = best.at(np.lexsort((best.sigma_rad, best.until_s)))
-    best = best.at(np.flatnonzero(np.diff(best.until_s, prepend=-np.inf) > 0))
+    best = _concatenated(windows)  # in order of their ends, the surest of those that end together
+    best = _rows(best, np.lexsort((best[-1], best[0])))
+    best = _rows(best, np.flatnonzero(np.diff(best[0], prepend=-np.inf) > 0))
     if earlier is not None:
         before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
-        best = _concatenate([_Windows(*(getattr(before, name) for name in _Windows._fields)), best])
-    return InMotion(
-        **best._asdict(),
-        rotation=rotation,
-        bias_b_radps=np.zeros(3),
-        bias_sigma_radps=imu.gyroscope_bias_radps or np.inf,
-    )
+        best = _concatenated([before.columns, best])
+    return InMotion._make((*best, rotation, np.zeros(3), imu.gyroscope_bias_radps or np.inf))
 
 
 def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> InMotion | None:
@@ -155,44 +155,34 @@ def in_motion_smoothed(imu: Imu, track: Track, gravity_n_mps2: FloatArray) -> In
     bias = gyroscope_bias(imu, track, gravity_n_mps2, R_nb, (middle_s - half_s, middle_s + half_s))
     if bias is None:
         return first
-    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.bias_b_radps)
+    unbiased = replace(imu, w_b_radps=imu.w_b_radps - bias.biases[:3])
     again = in_motion(unbiased, track, gravity_n_mps2)
     if again is None or not np.sum(again.sigma_rad**-2) > np.sum(first.sigma_rad**-2):
         return first  # headings are no surer, all together
-    return replace(again, bias_b_radps=bias.bias_b_radps, bias_sigma_radps=bias.sigma_radps)
+    return again._replace(bias_b_radps=bias.biases[:3], bias_sigma_radps=bias.sigma_radps)
 
 
 def levelled(f_u: FloatArray) -> FloatArray:
     """Return the R_nu, (k, 3, 3), of heading zero by which mean specific forces point up."""
-    return _between(_unit(f_u), np.broadcast_to(_UP_U, f_u.shape))
+    return _between(_normalised(f_u), np.broadcast_to(_UP_U, f_u.shape))
 
 
-class _Windows(NamedTuple):
-    """Some windows, as in ``InMotion``."""
-
-    until_s: FloatArray
-    begun_s: FloatArray
-    middle_s: FloatArray
-    R_nu: FloatArray
-    sigma_rad: FloatArray
-
-    def at(self, which: IntArray) -> "_Windows":
-        return _Windows(*(column[which] for column in self))
+def _rows(windows: Columns, rows: IntArray) -> Columns:
+    return tuple(column[rows] for column in windows)
 
 
-def _concatenate(parts: list[_Windows]) -> _Windows:
-    if not parts:
-        return _Windows(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0))
-    return _Windows(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+def _concatenated(parts: list[Columns]) -> Columns:
+    none = np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3, 3)), np.empty(0)
+    return tuple(np.concatenate(columns) for columns in zip(none, *parts, strict=True))
 
 
-def _windows(pairs: Pairs, after_s: float) -> _Windows:
+def _windows(pairs: Pairs, after_s: float) -> Columns:
     """Return the windows, (k,), whose heading is known, and that end after a time."""
     first = np.searchsorted(pairs.from_s, pairs.until_s - WINDOW_S)
     count = np.arange(1, len(first) + 1) - first
-    which = np.flatnonzero((count >= _FEWEST + 2) & (pairs.until_s > after_s))
+    which = np.flatnonzero((count >= _MINIMUM + 2) & (pairs.until_s > after_s))
     if not len(which):
-        return _concatenate([])
+        return _concatenated([])
     row = first[which, None] + np.arange(_MOST)
     within = row <= which[:, None]
     row = np.minimum(row, which[:, None])
@@ -204,13 +194,8 @@ def _windows(pairs: Pairs, after_s: float) -> _Windows:
     share = np.cumsum(size, axis=1) / size.sum(axis=1, keepdims=True)
     begun, middle = (np.argmax(share >= least, axis=1) for least in (_BEGUN, 0.5))
     k = np.arange(len(determined))
-    return _Windows(
-        pairs.until_s[which[determined]],
-        pairs.from_s[row[k, begun]],
-        t_s[k, middle],
-        R_nu[determined],
-        sigma_rad[determined],
-    )
+    until_s, begun_s = pairs.until_s[which[determined]], pairs.from_s[row[k, begun]]
+    return until_s, begun_s, t_s[k, middle], R_nu[determined], sigma_rad[determined]
 
 
 def _headings(
@@ -235,9 +220,9 @@ def _headings(
     line = _line(t_s, within)
     alpha = _without_line(line, f_n[..., 0] + 1j * f_n[..., 1])
     R_nu = levelled(up_u)
-    R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu
-    R_nu = _between(_unit(np.einsum("kij,kj->ki", R_nu, up_u)), _unit(up_n)) @ R_nu
-    R_nu = _turned(line, alpha, f_u, R_nu) @ R_nu  # level is off by the mean force before
+    R_nu = _yaw_rotation(line, alpha, f_u, R_nu) @ R_nu
+    R_nu = _between(_normalised(np.einsum("kij,kj->ki", R_nu, up_u)), _normalised(up_n)) @ R_nu
+    R_nu = _yaw_rotation(line, alpha, f_u, R_nu) @ R_nu  # level is off by the mean force before
     beta = _horizontal(line, f_u, R_nu)
     size, scale = (np.sum(np.abs(value) ** 2, axis=1) for value in (beta, alpha))
     product = np.abs(np.sum(beta.conj() * alpha, axis=1))
@@ -260,7 +245,9 @@ def _line(t_s: FloatArray, within: BoolArray) -> FloatArray:
     return np.asarray(line / np.linalg.norm(line, axis=2, keepdims=True))
 
 
-def _turned(line: FloatArray, alpha: ComplexArray, f_u: FloatArray, R_nu: FloatArray) -> FloatArray:
+def _yaw_rotation(
+    line: FloatArray, alpha: ComplexArray, f_u: FloatArray, R_nu: FloatArray
+) -> FloatArray:
     """Return the turns about the vertical, (k, 3, 3), that the regressions ask for."""
     angle = np.angle(np.sum(_horizontal(line, f_u, R_nu).conj() * alpha, axis=1))
     return np.asarray(exp(angle[:, None] * -_UP_U))
@@ -277,7 +264,7 @@ def _without_line(line: FloatArray, values: ComplexArray) -> ComplexArray:
     return np.asarray(values - np.einsum("kim,ki->km", line, share))
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
+def _normalised(vectors: FloatArray) -> FloatArray:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
@@ -286,7 +273,7 @@ def _between(e_from: FloatArray, e_to: FloatArray) -> FloatArray:
     axis, cosine = np.cross(e_from, e_to), np.sum(e_from * e_to, axis=1)
     sine = np.linalg.norm(axis, axis=1)
     parallel = sine < 1e-12
-    across = _unit(np.cross(e_from, np.eye(3)[np.abs(e_from).argmin(axis=1)]))
+    across = _normalised(np.cross(e_from, np.eye(3)[np.abs(e_from).argmin(axis=1)]))
     axis = np.where(parallel[:, None], across, axis / np.where(parallel, 1.0, sine)[:, None])
     angle = np.where(parallel, np.where(cosine > 0, 0.0, np.pi), np.arctan2(sine, cosine))
     return np.asarray(exp(angle[:, None] * axis))

@@ -19,17 +19,15 @@ from fgnav.types.flight import Flight, Imu
 class AntennaMotion:
     """Positions and velocities of antennas at keyframes."""
 
-    # Of antennas by name. By fixes; of raw observations by code, where a search starts.
-    positions: tuple[tuple[str, VectorSeries], ...]
-    # Of antennas by name, of raw observations no two at one keyframe.
-    velocities: tuple[tuple[str, VectorSeries], ...]
+    positions: tuple[VectorSeries, ...]  # by fixes; else by code, where a search starts
+    velocities: tuple[VectorSeries, ...]  # of raw observations no two at one keyframe
     phases: tuple[Observed, ...] = ()  # empty of fixes
     unused: tuple[Unused, ...] = ()
 
     @property
     def position(self) -> VectorSeries | None:
         """Position of the first antenna, where a search starts."""
-        return self.positions[0][1] if self.positions else None
+        return self.positions[0] if self.positions else None
 
 
 def antenna_motion(
@@ -65,23 +63,18 @@ def antenna_motion(
 def _of_record(record: AntennaRecord, imu: Imu, start: Alignment) -> AntennaMotion:
     antenna, code, directions, of = record
     arm_b_m = antenna.position_b_m - imu.position_b_m
-    row, matched = nearest(code.t_s, start.t_s)
-    at, same = nearest(of.t_s, start.t_s)
-    phases = Observed(of, np.flatnonzero(same), at[same], arm_b_m, antenna.name)
-    velocities: tuple[tuple[str, VectorSeries], ...] = ()
-    if (
-        directions is not None
-        and code.v_n_mps is not None
-        and code.velocity_covariance_m2ps2 is not None
-    ):
-        velocity = _timed(code.v_n_mps, code.velocity_covariance_m2ps2, row, matched, arm_b_m)
-        velocities = ((antenna.name, _with_partial(velocity, directions, start.t_s)),)
-    position = _timed(code.p_n_m, code.position_noise_m2, row, matched, arm_b_m)
+    at = nearest(code.t_s, start.t_s)
+    epoch, same = nearest(of.t_s, start.t_s)
+    velocities: tuple[VectorSeries, ...] = ()
+    P = code.velocity_covariance_m2ps2
+    if directions is not None and code.v_n_mps is not None and P is not None:
+        velocity = _timed(code.v_n_mps, P, at, arm_b_m, antenna.name)
+        velocities = (_with_partial(velocity, directions, start.t_s),)
     return AntennaMotion(
-        positions=((antenna.name, position),),
+        positions=(_timed(code.p_n_m, code.position_noise_m2, at, arm_b_m, antenna.name),),
         velocities=velocities,
-        phases=(phases,),
-        unused=(*code.unused, *of.unused, *unmatched("code solution", len(code.t_s), matched)),
+        phases=(Observed(of, np.flatnonzero(same), epoch[same], arm_b_m, antenna.name),),
+        unused=(*code.unused, *of.unused, *unmatched("code solution", len(code.t_s), at[1])),
     )
 
 
@@ -101,14 +94,14 @@ def _of_fixes(flight: Flight, imu: Imu, t_s: FloatArray) -> AntennaMotion:
     positions, velocities = [], []
     unused: list[Unused] = []
     for fixes in flight.fixes:
-        arm_b_m = flight.antenna(fixes.antenna).position_b_m - imu.position_b_m
-        row, matched = nearest(fixes.t_s, t_s)
+        name, at = fixes.antenna, nearest(fixes.t_s, t_s)
+        arm_b_m = flight.antenna(name).position_b_m - imu.position_b_m
         noise = _diagonal(fixes.position_sigma_m)
-        positions.append((fixes.antenna, _timed(fixes.p_n_m, noise, row, matched, arm_b_m)))
+        positions.append(_timed(fixes.p_n_m, noise, at, arm_b_m, name))
         if fixes.v_n_mps is not None and fixes.velocity_sigma_mps is not None:
             noise = _diagonal(fixes.velocity_sigma_mps)
-            velocities.append((fixes.antenna, _timed(fixes.v_n_mps, noise, row, matched, arm_b_m)))
-        unused += unmatched("fix", len(fixes.t_s), matched)
+            velocities.append(_timed(fixes.v_n_mps, noise, at, arm_b_m, name))
+        unused += unmatched("fix", len(fixes.t_s), at[1])
     return AntennaMotion(
         positions=tuple(positions), velocities=tuple(velocities), unused=tuple(unused)
     )
@@ -121,13 +114,12 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
         lever_n_m = start.R_nb @ (position.arm_b_m - theirs.arm_b_m)
         missing = ~position.valid[:, None]
         value = np.where(missing, theirs.value + lever_n_m, position.value)
-        positions = ((first.positions[0][0], replace(position, value=value)),)
-    has_velocity = np.any(
-        [series.valid for _, series in first.velocities] or [np.zeros(len(start.t_s), bool)], axis=0
-    )
+        positions = (replace(position, value=value),)
+    none = np.zeros(len(start.t_s), dtype=np.bool_)
+    has_velocity = np.any([none, *(series.valid for series in first.velocities)], axis=0)
     velocities = [
-        (name, replace(series, value=np.where(has_velocity[:, None], np.nan, series.value)))
-        for name, series in other.velocities
+        replace(series, value=np.where(has_velocity[:, None], np.nan, series.value))
+        for series in other.velocities
     ]
     return replace(
         first,
@@ -141,12 +133,14 @@ def _completed_by(first: AntennaMotion, other: AntennaMotion, start: Alignment) 
 def _timed(
     value: FloatArray,
     covariance: FloatArray,
-    row: IntArray,
-    matched: BoolArray,
+    at: tuple[IntArray, BoolArray],
     arm_b_m: FloatArray,
+    antenna: str,
 ) -> VectorSeries:
+    """Return values at keyframes: the row of each, and whether it is of the same time."""
+    row, matched = at
     value = np.where(matched[:, None], value[row], np.nan)
-    return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m)
+    return VectorSeries(value=value, covariance=covariance[row], arm_b_m=arm_b_m, antenna=antenna)
 
 
 def _diagonal(sigma: FloatArray) -> FloatArray:

@@ -17,26 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.position.ambiguity_filter import Ambiguities, ArcNames, Constraint
-from fgnav.assembly.position.arc_slips import Slip, largest, slips
-from fgnav.checks import BoolArray, FloatArray, IntArray
-from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
+from fgnav.assembly.position.ambiguity_filter import (
+    Ambiguities,
+    ArcNames,
+    Constraint,
+    Slip,
+    largest,
+    slips,
+)
+from fgnav.assembly.position.live_arcs import LiveRows
+from fgnav.checks import BoolArray, FloatArray
+from fgnav.graph.factors.antenna_phase import ArcBlock
 from fgnav.graph.types.on_demand import OnDemand
 from fgnav.integers.ils.partial import partial_integer_least_squares
+from fgnav.types.integers import ArcInteger
 
 _WRONG_MAX = 1e-3  # chance that integers fixed together are not all right
 _DETERMINED_CYCLES = 0.05  # 1-sigma of a difference whose integer is fixed
 _LEAST_FIXED = 4  # arcs that make a position
-
-
-class ArcSpan(NamedTuple):
-    """An arc's integer against the oldest arc of its carrier, in some blocks."""
-
-    link: str
-    first: int  # block
-    last: int  # block
-    cycles: int
-    wrong: float  # probability
 
 
 class BaseIntegers(NamedTuple):
@@ -45,65 +43,57 @@ class BaseIntegers(NamedTuple):
     blocks: Sequence[ArcBlock]
     fixed: BoolArray  # (b,), whether enough arcs of each block are fixed for a position
     wrong_probability: float
-    arcs: tuple[ArcSpan, ...]
+    arcs: tuple[ArcInteger, ...]  # against the oldest arc of their carrier
     slips: tuple[Slip, ...] = ()  # first epoch with any: all else is of blocks before
-    at: tuple[int, int] = (0, 0)  # its block, and which of the block's epochs it is
+    epoch: int = 0  # of the slips
 
 
-def with_integers(
-    blocks: Sequence[ArcBlock],
-    names: list[ArcNames],
-    rows: Sequence[PhaseRows],
-    block: IntArray,
-    *,
-    causal: bool,
-) -> BaseIntegers:
+def with_integers(live: LiveRows, t_s: FloatArray, *, causal: bool) -> BaseIntegers:
     """Return blocks whose arcs have their integers where these are fixed.
 
     Parameters
     ----------
-    blocks : sequence of ArcBlock
-    names : list of ArcNames
-        Of each block.
-    rows : sequence of PhaseRows, length k
-    block : ndarray of int, shape (k,)
-        Of each epoch, in order.
+    live : LiveRows
+    t_s : ndarray, shape (n,)
+        Keyframes.
     causal : bool
         Whether integers enter with the block after that in which they are fixed; else with the
         first that has all of their arcs.
     """
-    ends = np.searchsorted(block, np.arange(len(blocks) + 1))
+    blocks, names, epoch_s = live.blocks, live.names, t_s[live.row]
+    ends = np.searchsorted(live.block, np.arange(len(blocks) + 1))
     state, constraints = Ambiguities(), list[Constraint]()
-    fixed, spans = np.zeros(len(blocks), dtype=np.bool_), dict[tuple[int, int], ArcSpan]()
+    fixed, arcs = np.zeros(len(blocks), dtype=np.bool_), dict[tuple[int, int], ArcInteger]()
     for j in range(len(blocks)):
-        state = state.led(blocks[j])
+        state = state.propagated(blocks[j])
         for i in range(ends[j], ends[j + 1]):
-            H, z = rows[i].without_place()
+            H, z = live.rows[i].without_place()
             if jumped := slips(state, H, z, names[j]):
-                return BaseIntegers((), fixed, 0.0, (), jumped, (j, i - int(ends[j])))
+                return BaseIntegers((), fixed, 0.0, (), jumped, i)
             state = state.measured(H, z)
         one, fixed[j] = _searched(j, names[j], state)
         if one is not None:
             constraints.append(one)
             state = state.constrained(one)
-        _note(spans, j, names[j], state, constraints)
+        span_s = float(epoch_s[ends[j]]), float(epoch_s[ends[j + 1] - 1])
+        _note(arcs, span_s, names[j], state, constraints)
     if not causal:
         for one in constraints:
             fixed[_first_with(names, one) : one.block + 1] = True
     success = float(np.prod([constraint.success for constraint in constraints]))
     out = _entered(blocks, names, constraints, causal=causal)
-    return BaseIntegers(out, fixed, 1 - success, tuple(spans.values()))
+    return BaseIntegers(out, fixed, 1 - success, tuple(arcs.values()))
 
 
 def _note(
-    spans: dict[tuple[int, int], ArcSpan],
-    j: int,
+    arcs: dict[tuple[int, int], ArcInteger],
+    span_s: tuple[float, float],
     names: ArcNames,
     state: Ambiguities,
     constraints: list[Constraint],
 ) -> None:
     """Note the integers that arcs of a block have, and the chance that each is wrong."""
-    D, cycles = _by_difference(names)
+    D, cycles = names.differences, names.cycles
     if not len(D) or not constraints:
         return
     floats, covariance = state.combined(cycles)
@@ -117,19 +107,26 @@ def _note(
             if arc in constraint.arc[constraint.used]
         ]
         wrong = 1 - min(of_arc, default=1.0)
-        span = spans.get((arc, held), ArcSpan(names.link[a], j, j, held, wrong))
-        spans[arc, held] = span._replace(last=j, wrong=wrong)
+        before = arcs.get((arc, held))
+        arcs[arc, held] = ArcInteger(
+            link=names.link[a],
+            from_s=span_s[0] if before is None else before.from_s,
+            until_s=span_s[1],
+            cycles=held,
+            wrong_probability=wrong,
+            by="base",
+        )
 
 
 def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | None, bool]:
     """Return integers that a block newly fixes, and whether enough are fixed by then."""
-    D, cycles = _by_difference(of)
+    D, cycles = of.differences, of.cycles
     if not len(D):
         return None, False
-    is_determined = _sigma_cycles(state, cycles) < _DETERMINED_CYCLES
-    enough = int(is_determined.sum()) >= _LEAST_FIXED - 1
+    is_determined = np.diag(state.combined(cycles)[1]) < _DETERMINED_CYCLES**2
+    is_placed = int(is_determined.sum()) >= _LEAST_FIXED - 1
     if is_determined.all():
-        return None, enough
+        return None, is_placed
     D, cycles = D[~is_determined], cycles[~is_determined]
     floats, covariance = state.combined(cycles)
     offset = cycles @ of.offset_m
@@ -137,25 +134,15 @@ def _searched(j: int, of: ArcNames, state: Ambiguities) -> tuple[Constraint | No
     best = partial_integer_least_squares(floats, (covariance + covariance.T) / 2, 1 - _WRONG_MAX)
     Z = best.combinations
     if not len(Z):
-        return None, enough
-    apart = Z @ floats - best.integers
-    squares = float(apart @ np.linalg.solve(Z @ covariance @ Z.T, apart))
+        return None, is_placed
+    deviation = Z @ floats - best.integers
+    squares = float(deviation @ np.linalg.solve(Z @ covariance @ Z.T, deviation))
     if squares > largest(len(Z)):
-        return None, enough
+        return None, is_placed
     right = best.integers - Z @ (offset - np.rint(offset))
-    enough = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
+    is_placed = int(is_determined.sum() + best.fixed.sum()) >= _LEAST_FIXED - 1
     combination = np.rint(Z @ D).astype(np.int64)
-    return Constraint(j, of.arc, Z @ cycles, right, combination, best.success), enough
-
-
-def _by_difference(of: ArcNames) -> tuple[FloatArray, FloatArray]:
-    """Return differences of arcs, (d, c), and the same in cycles per metre."""
-    D = of.differences
-    return D, D / of.wavelength_m
-
-
-def _sigma_cycles(state: Ambiguities, cycles: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.diag(state.combined(cycles)[1])))
+    return Constraint(j, of.arc, Z @ cycles, right, combination, best.success), is_placed
 
 
 def _entered(

@@ -4,27 +4,26 @@ A flight whose unit is louder, later or turned, or of which more is estimated, i
 the same integers and code: these take most of the time that an array's problem takes.
 """
 
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from fgnav.alignment.array.pivot import pivot_views
 from fgnav.alignment.array.shape import FixedPhases, fixed_phases
-from fgnav.alignment.array_attitudes import ArrayPhases, array_phases
 from fgnav.assembly.settings import ProblemSettings
 from fgnav.checks import NoSolutionError
 from fgnav.gnss.single_point.partial_velocity import PartialVelocity, partial_velocities
 from fgnav.gnss.single_point.solution import CodeSolution, code_solution
 from fgnav.gnss.undifferenced import Undifferenced, undifferenced
+from fgnav.integers.resolvers.resolve import resolve
+from fgnav.integers.validation import ValidatedArray, validated
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Antenna
 from fgnav.types.integers import Resolver
 
-# What observations know nothing of, and the noise, which is compared by its values.
+# What observations do not depend on; noise and antennas, which are compared by their values.
 _INSTRUMENTS = ("imu", "fixes", "baselines", "photodetector", "barometer", "magnetometer")
-_OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise")
+_OTHERS = (*_INSTRUMENTS, "vehicle", "standstill", "initial", "gnss_noise", "antennas")
 _OWN = tuple(field.name for field in fields(Flight) if field.name not in _OTHERS)
 _KEPT = 2  # an array as it is stated, and as its phases place its antennas
 
@@ -48,9 +47,29 @@ class ByObservations:
     causal: bool
 
     @cached_property
-    def array(self) -> tuple[ArrayPhases | None, ...]:
-        """Phases of the array, see ``array_phases``."""
-        return array_phases(self.flight, self.resolver, self.false_alarm, causal=self.causal)
+    def array(self) -> tuple[ValidatedArray | None, ...]:
+        """Phases of the array by each view of ``pivot_views``; None where one has no integers.
+
+        Raises
+        ------
+        BadInputError
+            If the resolver has no causal form, and needs one.
+        NoSolutionError
+            If the first has none.
+        """
+        phases: list[ValidatedArray | None] = []
+        for flight, _ in pivot_views(self.flight, causal=self.causal):
+            try:
+                differences, integers = resolve(flight, self.resolver, causal=self.causal)
+            except NoSolutionError:
+                if not phases:
+                    raise
+                phases.append(None)
+                continue
+            names = tuple(antenna.name for antenna in flight.antennas)
+            causal, false_alarm = self.causal, self.false_alarm
+            phases.append(validated(differences, integers, names, false_alarm, causal=causal))
+        return tuple(phases)
 
     @cached_property
     def fixed(self) -> FixedPhases:
@@ -77,14 +96,21 @@ class ByObservations:
         return tuple(records)
 
     def serves_for(self, other: "ByObservations") -> bool:
-        """Return True if another flight's observations, and what is made of them, are the same."""
+        """Return True if another flight has the same observations, antennas and settings."""
         ours, theirs = (
             (one.resolver, one.false_alarm, one.causal, one.flight.gnss_noise)
             for one in (self, other)
         )
-        return ours == theirs and all(
-            _is_same(getattr(self.flight, name), getattr(other.flight, name)) for name in _OWN
+        return (
+            ours == theirs
+            and all(getattr(self.flight, name) is getattr(other.flight, name) for name in _OWN)
+            and _positions(self.flight) == _positions(other.flight)
         )
+
+
+def _positions(flight: Flight) -> list[tuple[str, list[float]]]:
+    """Return names and positions of antennas, which may be replaced by others at the same place."""
+    return [(antenna.name, antenna.position_b_m.tolist()) for antenna in flight.antennas]
 
 
 class LastObservations:
@@ -101,23 +127,6 @@ class LastObservations:
         by = next((one for one in self._last if one.serves_for(new)), new)
         self._last = (by, *(one for one in self._last if one is not by))[:_KEPT]
         return by
-
-
-def _is_same(one: Any, other: Any) -> bool:  # noqa: ANN401  # parts of a flight
-    """Return True if two parts of flights have the same values."""
-    if one is other:
-        return True
-    if type(one) is not type(other):
-        return False
-    if isinstance(one, np.ndarray):
-        is_number = one.dtype.kind == "f"
-        return bool(np.array_equal(one, other, equal_nan=is_number))
-    if isinstance(one, tuple):
-        return len(one) == len(other) and all(map(_is_same, one, other))
-    if is_dataclass(one):
-        names = (part.name for part in fields(one))
-        return all(_is_same(getattr(one, name), getattr(other, name)) for name in names)
-    return bool(one == other)
 
 
 def _record(flight: Flight, *, causal: bool) -> AntennaRecord:

@@ -1,10 +1,12 @@
 """Fixes that jump: positions and velocities held against the inertial track about them."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fgnav.alignment.rates import swing_n_mps
+from fgnav.assembly.position.antenna_motion import AntennaMotion
 from fgnav.assembly.position.series import VectorSeries
 from fgnav.checks import BoolArray, FloatArray, Unused
 from fgnav.geometry.interpolation import integral, interpolate
@@ -12,7 +14,7 @@ from fgnav.types.estimate import Rejected
 from fgnav.types.flight import Imu
 
 _AROUND = 15  # fixes before and after: fourteen in a row may be wrong
-_APART_S = 2.0  # fixes further apart are not held against each other
+_LONGEST_STEP_S = 2.0  # fixes further apart are not held against each other
 _AROUND_S = 1.5  # the inertial track drifts; but three on either side are needed to vote
 _LEAST = 3
 _SIGMAS = 6.0
@@ -22,12 +24,10 @@ _TRACK_MPS2 = 0.05
 _NORMAL = 1.4826  # sigma of normal noise over its median size
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Gated:
-    """Positions and velocities at keyframes, NaN where they are not believed."""
+class Gated(NamedTuple):
+    """Motion of antennas, NaN where a position or a velocity is rejected."""
 
-    position: VectorSeries | None
-    velocity: VectorSeries | None
+    antenna: AntennaMotion
     rejections: tuple[Rejected, ...]
     unused: tuple[Unused, ...]
 
@@ -48,12 +48,8 @@ class InertialTrack:
     causal: bool = False  # whether fixes are held against those before them alone
 
 
-def gated(
-    track: InertialTrack,
-    measured: tuple[VectorSeries | None, VectorSeries | None],
-    antenna: str,
-) -> Gated:
-    """Take out fixes that are off their neighbours by more than noise can be.
+def gated(track: InertialTrack, antenna: AntennaMotion) -> Gated:
+    """Reject positions by fixes, and velocities, that are off their neighbours by more than noise.
 
     Specific force turned by approximate attitudes determines how velocity changes, and velocity how
     position does, far better over seconds than fixes do. What is left of a fix is nearly constant;
@@ -65,50 +61,69 @@ def gated(
     Parameters
     ----------
     track : InertialTrack
-    measured : tuple of VectorSeries or None
-        Positions and velocities of the antenna.
-    antenna : str
-        Its name.
+    antenna : AntennaMotion
     """
-    position, velocity = measured
     t_s, R_nb = track.t_s, track.R_nb
     gained_n_mps = _inertial(track)
-    tested, causal = ~_about(t_s, track.untested, causal=track.causal), track.causal
-    tests: list[tuple[str, str, FloatArray]] = []
     gravity_mps2 = np.linalg.norm(track.gravity_n_mps2, axis=1)
     track_mps2 = np.hypot(_TRACK_MPS2, gravity_mps2 * track.attitude_sigma_rad)
-    v_n_mps = gained_n_mps
-    if velocity is not None:
-        residual = velocity.value - gained_n_mps
-        residual -= swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
-        track_mps = track_mps2 * _AROUND_S
-        off, middle = _against_neighbours(
-            t_s, residual, velocity.covariance, track_mps, causal=causal
-        )
-        off *= tested
-        velocity = _without(velocity, off > 0)
-        v_n_mps = gained_n_mps + middle
-        tests.append(("velocity", "m/s", off))
-    elif position is not None:
-        v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=causal)
-    if position is not None:
-        moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
-        residual, track_m = position.value - moved_n_m, track_mps2 * _AROUND_S**2 / 2
-        off, _ = _against_neighbours(t_s, residual, position.covariance, track_m, causal=causal)
-        off *= tested
-        position = _without(position, off > 0)
-        tests.append(("position", "m", off))
-    lists = [_listed(what, unit, antenna, t_s, off) for what, unit, off in tests]
+    gated = () if antenna.phases else antenna.positions
+    positions = {series.antenna: series for series in gated}
+    velocities = {series.antenna: series for series in antenna.velocities}
+    tests: list[tuple[str, str, str, FloatArray]] = []
+    for name in dict.fromkeys((*positions, *velocities)):
+        position, velocity = positions.get(name), velocities.get(name)
+        v_n_mps = gained_n_mps
+        if velocity is not None:
+            arm_mps = swing_n_mps(R_nb, track.w_b_radps, velocity.arm_b_m)
+            sigma_mps = track_mps2 * _AROUND_S
+            velocities[name], error, middle = _tested(
+                track, velocity, gained_n_mps + arm_mps, sigma_mps
+            )
+            tests.append(("velocity", "m/s", name, error))
+            v_n_mps = gained_n_mps + middle
+        elif position is not None:
+            v_n_mps = gained_n_mps + _drift(t_s, position, gained_n_mps, causal=track.causal)
+        if position is not None:
+            moved_n_m = integral(t_s, v_n_mps) + R_nb @ position.arm_b_m
+            sigma_m = track_mps2 * _AROUND_S**2 / 2
+            positions[name], error, _ = _tested(track, position, moved_n_m, sigma_m)
+            tests.append(("position", "m", name, error))
+    placed = antenna.positions if antenna.phases else tuple(positions.values())
     return Gated(
-        position=position,
-        velocity=velocity,
-        rejections=tuple(one for part in lists for one in part),
-        unused=tuple(
-            Unused(what=what, reason="off its neighbours", count=int((off > 0).sum()))
-            for what, _, off in tests
-            if off.any()
+        replace(antenna, positions=placed, velocities=tuple(velocities.values())),
+        tuple(one for test in tests for one in _listed(t_s, *test)),
+        tuple(
+            Unused(what=what, reason="off its neighbours", count=int((error > 0).sum()))
+            for what, _, _, error in tests
+            if error.any()
         ),
     )
+
+
+def _tested(
+    track: InertialTrack, series: VectorSeries, expected: FloatArray, track_sigma: FloatArray
+) -> tuple[VectorSeries, FloatArray, FloatArray]:
+    """Return a series less what is rejected, the errors of that, (n,), and the medians, (n, 3).
+
+    ``expected``, (n, 3), is by the inertial track, whose sigma is ``track_sigma``, (n,).
+    """
+    t_s, causal = track.t_s, track.causal
+    residual = series.value - expected
+    valid = np.isfinite(residual[:, 0])
+    middle: FloatArray = np.zeros_like(residual)
+    error: FloatArray = np.zeros(len(t_s))
+    if valid.any():
+        medians = _medians(t_s[valid], residual[valid], causal=causal)
+        middle = interpolate(t_s, t_s[valid], medians, causal=causal)
+        deviation = residual[valid] - medians
+        spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(deviation), axis=0)
+        variance = np.einsum("nii->ni", series.covariance[valid]) + spread**2
+        sigma = np.sqrt(variance + track_sigma[valid, None] ** 2)
+        out = (np.abs(deviation) > _SIGMAS * sigma).any(axis=1)
+        error[valid] = np.where(out, np.linalg.norm(deviation, axis=1), 0.0)
+    error *= ~_about(t_s, track.untested, causal=causal)
+    return replace(series, value=np.where(error[:, None] > 0, np.nan, series.value)), error, middle
 
 
 def _about(t_s: FloatArray, marked: BoolArray, *, causal: bool) -> BoolArray:
@@ -148,60 +163,30 @@ def _drift(
     return interpolate(t_s, t_s[valid][1:], middle, causal=causal)
 
 
-def _against_neighbours(
-    t_s: FloatArray,
-    residual: FloatArray,
-    covariance: FloatArray,
-    track: FloatArray,
-    *,
-    causal: bool,
-) -> tuple[FloatArray, FloatArray]:
-    """Compute the errors of rejected values, (n,), 0 of the others; and the medians, (n, 3).
-
-    ``track``, (n,), is the sigma of the inertial track; values of different pieces are not
-    neighbours.
-    """
-    valid = np.isfinite(residual[:, 0])
-    middle = np.zeros_like(residual)
-    off = np.zeros(len(t_s))
-    if not valid.any():
-        return off, middle
-    medians = _medians(t_s[valid], residual[valid], causal=causal)
-    middle = interpolate(t_s, t_s[valid], medians, causal=causal)
-    apart = residual[valid] - medians
-    spread = np.zeros(3) if causal else _NORMAL * np.median(np.abs(apart), axis=0)
-    sigma = np.sqrt(np.einsum("nii->ni", covariance[valid]) + spread**2 + track[valid, None] ** 2)
-    out = (np.abs(apart) > _SIGMAS * sigma).any(axis=1)
-    off[valid] = np.where(out, np.linalg.norm(apart, axis=1), 0.0)
-    return off, middle
-
-
 def _medians(t_s: FloatArray, values: FloatArray, *, causal: bool) -> FloatArray:
     """Return the median of each value and its neighbours, (k, 3), none from beyond a gap.
 
     Causal: of each and those before it.
     """
-    apart = np.diff(t_s) > _APART_S
-    segment = np.concatenate([[0], np.cumsum(apart)])
-    beside = np.arange(-_AROUND, 1 if causal else _AROUND + 1)
-    rows = np.arange(len(t_s))[:, None] + beside
+    deviation = np.diff(t_s) > _LONGEST_STEP_S
+    segment = np.concatenate([[0], np.cumsum(deviation)])
+    neighbours = np.arange(-_AROUND, 1 if causal else _AROUND + 1)
+    rows = np.arange(len(t_s))[:, None] + neighbours
     inside = rows.clip(0, len(t_s) - 1)
     belongs = (rows == inside) & (segment[inside] == segment[:, None])
     near = np.abs(t_s[inside] - t_s[:, None]) <= _AROUND_S
-    belongs &= near | (np.abs(beside) <= _LEAST)
+    belongs &= near | (np.abs(neighbours) <= _LEAST)
     # What does not belong is sorted to the end; numpy's own nanmedian takes three times as long.
     ordered = np.sort(np.where(belongs[..., None], values[inside], np.inf), axis=1)
     count, row = belongs.sum(axis=1), np.arange(len(t_s))
     return np.asarray((ordered[row, (count - 1) // 2] + ordered[row, count // 2]) / 2)
 
 
-def _without(timed: VectorSeries, out: BoolArray) -> VectorSeries:
-    return replace(timed, value=np.where(out[:, None], np.nan, timed.value))
-
-
-def _listed(what: str, unit: str, antenna: str, t_s: FloatArray, off: FloatArray) -> list[Rejected]:
+def _listed(
+    t_s: FloatArray, what: str, unit: str, antenna: str, error: FloatArray
+) -> list[Rejected]:
     """List the rejected values, neighbours as one interval."""
-    edges = np.diff(np.concatenate([[False], off > 0, [False]]).astype(np.int8))
+    edges = np.diff(np.concatenate([[False], error > 0, [False]]).astype(np.int8))
     first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
     return [
         Rejected(
@@ -209,7 +194,7 @@ def _listed(what: str, unit: str, antenna: str, t_s: FloatArray, off: FloatArray
             link=antenna,
             from_s=float(t_s[a]),
             until_s=float(t_s[b]),
-            reason=f"{off[a : b + 1].max():.3g} {unit} off its neighbours: left out",
+            reason=f"{error[a : b + 1].max():.3g} {unit} off its neighbours: left out",
         )
         for a, b in zip(first, last, strict=True)
     ]

@@ -26,7 +26,7 @@ class NumberedArcs(NamedTuple):
 
     of: Undifferenced
     phase_m: FloatArray  # (n, m), less what is taken off each arc, and less the wind-up
-    code_apart_m: FloatArray  # (n, m), phase_m less code
+    phase_less_code_m: FloatArray  # (n, m), phase_m less code
     arc: IntArray  # (n, m); -1 without phase
     satellite: IntArray  # (m,)
     arm_b_m: FloatArray
@@ -92,17 +92,17 @@ def numbered(
         phase_m[one.epoch] -= of.wavelength_m * total[one.epoch]
     epoch, channel = np.nonzero(of.arc >= 0)
     arc, code_m = of.arc[epoch, channel], of.code_m[epoch, channel]
-    apart_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
+    difference_m = phase_m[epoch, channel] - np.where(np.isfinite(code_m), code_m, 0.0)
     offset_m = np.zeros(1 + arc.max(initial=-1))
-    offset_m[arc[::-1]] = apart_m[::-1]  # as of the first epoch of each arc
+    offset_m[arc[::-1]] = difference_m[::-1]  # as of the first epoch of each arc
     ids = np.arange(len(offset_m)) + (first if earlier is None else earlier.arcs)
-    for j, (link, off_m, _) in continuing.items():
-        ids[of.arc[now, j]], offset_m[of.arc[now, j]] = link, off_m
+    for j, (link, taken_m, _) in continuing.items():
+        ids[of.arc[now, j]], offset_m[of.arc[now, j]] = link, taken_m
     phase_m -= np.where(of.arc >= 0, offset_m[of.arc.clip(0)] if len(offset_m) else 0.0, 0.0)
     return NumberedArcs(
         of=of,
         phase_m=phase_m,
-        code_apart_m=phase_m - of.code_m,
+        phase_less_code_m=phase_m - of.code_m,
         arc=np.where(of.arc >= 0, ids[of.arc.clip(0)], -1) if len(ids) else of.arc,
         satellite=np.array([number[name] for name in of.satellites], dtype=np.int64),
         arm_b_m=one.arm_b_m,

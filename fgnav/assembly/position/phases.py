@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.position.base_integers import ArcSpan, BaseIntegers, with_integers
+from fgnav.assembly.position.base_integers import BaseIntegers, with_integers
 from fgnav.assembly.position.live_arcs import LiveRows, live_rows
 from fgnav.assembly.position.numbered_arcs import EarlierArcs, Observed
 from fgnav.checks import FloatArray
@@ -55,12 +55,12 @@ def antenna_phase(
     live = live_rows(observed, t_s, R_nb, earlier)
     resolved: BaseIntegers | None = None
     if any(one.of.integers for one in observed):
-        resolved = _resolved(live, causal=causal)
+        resolved = with_integers(live, t_s, causal=causal)
         while resolved.slips:
             observed, noted = _parted(observed, t_s, live, resolved)
             rejections += noted
             live = live_rows(observed, t_s, R_nb, earlier)
-            resolved = _resolved(live, causal=causal)
+            resolved = with_integers(live, t_s, causal=causal)
     if not live.row:
         return Phases(None, live.goes_on)
     phase = AntennaPhase(
@@ -74,27 +74,21 @@ def antenna_phase(
     )
     if resolved is None:
         return Phases(phase, live.goes_on)
-    spans_s = _spans_s(live, t_s)
     return Phases(
         replace(phase, blocks=resolved.blocks),
         live.goes_on,
         _notes(live, resolved),
-        tuple(_reported(arc, spans_s) for arc in resolved.arcs),
+        resolved.arcs,
         tuple(rejections),
     )
-
-
-def _resolved(live: LiveRows, *, causal: bool) -> BaseIntegers:
-    return with_integers(live.blocks, live.names, live.rows, np.array(live.block), causal=causal)
 
 
 def _parted(
     observed: tuple[Observed, ...], t_s: FloatArray, live: LiveRows, resolved: BaseIntegers
 ) -> tuple[tuple[Observed, ...], list[Rejected]]:
     """Return observations whose arcs begin again where they slipped, and what is reported."""
-    j, i = resolved.at
-    k = live.row[live.block.index(j) + i]
-    names, out, noted = live.names[j], list(observed), []
+    k, block = live.row[resolved.epoch], live.block[resolved.epoch]
+    names, out, noted = live.names[block], list(observed), []
     for slip in resolved.slips:
         link = names.link[slip.arc]
         for place, part in enumerate(out):
@@ -125,25 +119,6 @@ def _begun_again(of: Undifferenced, m: int, epoch: int, cycles: float) -> Undiff
     halves = np.rint(2 * cycles)
     phase_m[later, m] -= (halves % 2) / 2 * of.wavelength_m[m]
     return replace(of, arc=arc, phase_m=phase_m)
-
-
-def _spans_s(live: LiveRows, t_s: FloatArray) -> list[tuple[float, float]]:
-    """Return the first and the last epoch of each block."""
-    times_s, blocks = t_s[live.row], np.arange(len(live.transitions))
-    first = np.searchsorted(live.block, blocks)
-    last = np.searchsorted(live.block, blocks, side="right") - 1
-    return list(zip(times_s[first].tolist(), times_s[last].tolist(), strict=True))
-
-
-def _reported(one: ArcSpan, spans_s: list[tuple[float, float]]) -> ArcInteger:
-    return ArcInteger(
-        link=one.link,
-        from_s=spans_s[one.first][0],
-        until_s=spans_s[one.last][1],
-        cycles=one.cycles,
-        wrong_probability=one.wrong,
-        by="base",
-    )
 
 
 def _notes(live: LiveRows, resolved: BaseIntegers) -> tuple[str, ...]:

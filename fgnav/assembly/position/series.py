@@ -14,6 +14,7 @@ class VectorSeries:
     value: FloatArray  # (n, 3)
     covariance: FloatArray  # (n, 3, 3)
     arm_b_m: FloatArray  # (3,): from the accelerometer to where it was measured
+    antenna: str = ""  # that measured it
     # What whitens values known in some directions only, in place of a covariance; rows of zeros for
     # the others. Zero of values that are known in all.
     partial: FloatArray | None = None  # (n, 3, 3)

@@ -1,7 +1,4 @@
-"""Whitened rows without clocks, made of the few numbers that each epoch and block have of its own.
-
-Rows of k channels and d arcs have k d numbers, nearly all of them zero before clocks are
-eliminated. Kept is what they are made of, a twentieth of the memory.
+"""Whitened rows without clocks.
 
 Of the channels of one clock, whitened, the clock is a column along a unit vector u. Householder's
 reflection turns it into the first axis [1]_: with w = u + (1, 0, ..., 0) all rows but the first of
@@ -15,69 +12,10 @@ References
 .. [1] Golub, Van Loan: Matrix Computations, 4th edition, 2013, section 5.1.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.graph.factors.antenna_phase import ArcBlock, PhaseRows
 from fgnav.kernels.compiled import kernel
-
-
-class Channels(NamedTuple):
-    """Indices of c channels into A = (ambiguities, errors of satellites, their rates).
-
-    Clock after clock.
-    """
-
-    clock: IntArray  # (c,), counted from 0
-    ambiguity: IntArray  # (c,); -1 of codes
-    satellite: IntArray  # (c,); -1 where its errors are taken off
-    ambiguities: int
-    satellites: int
-
-    @property
-    def freedom(self) -> int:
-        """Number of rows that are free of clocks."""
-        return len(self.clock) - (1 + int(self.clock[-1]) if len(self.clock) else 0)
-
-
-class Epoch(NamedTuple):
-    """Measurements of the channels at an epoch."""
-
-    channels: Channels
-    seen: FloatArray  # (c, 4), direction away from the satellite, then metres
-    sigma_m: FloatArray  # (c,)
-    age_s: float  # since its block began
-
-    def whitened(self) -> PhaseRows:
-        """Return its rows without clocks."""
-        return PhaseRows(*_whitened(*self.channels, self.age_s, self.sigma_m, self.seen))
-
-
-class Transition(NamedTuple):
-    """Transition from A of the previous block to A' of a block, with its first epoch's codes."""
-
-    begin_row: int
-    sigma: FloatArray  # (d',), of what is added; of A' where nothing leads to it
-    source: IntArray  # (d',), place in A; -1 where nothing leads to it
-    dt_s: float
-    size: tuple[int, int]  # ambiguities and satellites of A
-    codes: Epoch  # phase less code
-
-    def whitened(self) -> ArcBlock:
-        """Return its rows."""
-        channels, code = self.codes.channels, self.codes.whitened()
-        c, s = channels.ambiguities, channels.satellites
-        d, m = len(self.sigma), len(code.z)
-        before, after = np.zeros((d + m, self.size[0] + 2 * self.size[1])), np.zeros((d + m, d))
-        goes_on = np.flatnonzero(self.source >= 0)
-        before[goes_on, self.source[goes_on]] = 1 / self.sigma[goes_on]
-        errors = goes_on[(goes_on >= c) & (goes_on < c + s)]
-        before[errors, self.source[errors] + self.size[1]] = self.dt_s / self.sigma[errors]
-        diagonal = np.arange(d)
-        after[diagonal, diagonal], after[d:] = 1 / self.sigma, code.H
-        return ArcBlock(self.begin_row, before, after, np.append(np.zeros(d), code.z), s)
 
 
 def by_clock(*groups: IntArray) -> tuple[IntArray, IntArray]:
@@ -96,38 +34,43 @@ def by_clock(*groups: IntArray) -> tuple[IntArray, IntArray]:
 
 
 @kernel
-def _whitened(
+def whitened_rows(
     clock: IntArray,
-    ambiguity: IntArray,
-    satellite: IntArray,
-    ambiguities: int,
-    satellites: int,
+    columns: tuple[IntArray, IntArray],
+    sizes: tuple[int, int],
     age_s: float,
     sigma: FloatArray,
-    seen: FloatArray,
+    measured: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    A = _derivatives(ambiguity, satellite, ambiguities, satellites, age_s)
-    place = without_clocks(clock, sigma, seen)
-    return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
+    """Return G, H and z of ``PhaseRows``, of c channels of an epoch, without clocks.
 
-
-@kernel
-def _derivatives(
-    ambiguity: IntArray,
-    satellite: IntArray,
-    ambiguities: int,
-    satellites: int,
-    age_s: float,
-) -> FloatArray:
-    """Compute the derivatives of measurements by A, (c, d), at a time since their block began."""
-    A = np.zeros((len(ambiguity), ambiguities + 2 * satellites))
-    for i in range(len(ambiguity)):
+    Parameters
+    ----------
+    clock : ndarray of int, shape (c,)
+        Of each channel, clock after clock, counted from 0.
+    columns : tuple of ndarray of int, shape (c,)
+        Ambiguity of each channel in A = (ambiguities, errors of satellites, their rates), -1 of
+        codes; and satellite, -1 where its errors are taken off.
+    sizes : tuple of int
+        Ambiguities and satellites.
+    age_s : float
+        Since A's block began.
+    sigma : ndarray, shape (c,)
+        Metres.
+    measured : ndarray, shape (c, 4)
+        Direction away from the satellite, then metres.
+    """
+    ambiguity, satellite = columns
+    ambiguities, satellites = sizes
+    A = np.zeros((len(clock), ambiguities + 2 * satellites))
+    for i in range(len(clock)):
         if ambiguity[i] >= 0:
             A[i, ambiguity[i]] = 1.0
         if satellite[i] >= 0:
             A[i, ambiguities + satellite[i]] = 1.0
             A[i, ambiguities + satellites + satellite[i]] = age_s
-    return A
+    place = without_clocks(clock, sigma, measured)
+    return place[:, :3].copy(), without_clocks(clock, sigma, A), place[:, 3].copy()
 
 
 @kernel

@@ -54,8 +54,8 @@ def gravity(
         return None, ()
     if causal:
         keyframe = np.searchsorted(t_s, direction.t_s - SAME_S).clip(max=len(t_s) - 1)
-        late_s = t_s[keyframe] - direction.t_s
-        close = (late_s > -2 * SAME_S) & (late_s < LONGEST_STEP_S)
+        delay_s = t_s[keyframe] - direction.t_s
+        close = (delay_s > -2 * SAME_S) & (delay_s < LONGEST_STEP_S)
         _, last = np.unique(keyframe[::-1], return_index=True)
         newest = np.zeros(len(keyframe), dtype=np.bool_)
         newest[len(keyframe) - 1 - last] = True

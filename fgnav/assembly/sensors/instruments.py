@@ -5,14 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fgnav.assembly.sensors.aerodynamics import airflow
-from fgnav.assembly.sensors.baselines import baselines
 from fgnav.assembly.sensors.directional import gravity, sight
-from fgnav.assembly.sensors.resting_rates import resting_rates
+from fgnav.assembly.sensors.gnss import baselines
 from fgnav.assembly.sensors.standstill import Standing
 from fgnav.assembly.sensors.surroundings import heights, magnetic_field
-from fgnav.assembly.sensors.wheels import wheels
-from fgnav.assembly.stages import Aligned, Tracked
+from fgnav.assembly.sensors.vehicle import airflow, resting_rates, wheels
+from fgnav.assembly.stages import Aligned, Tracked, approximate_motion
 from fgnav.checks import FloatArray, Unused
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.gravity import Gravity
@@ -21,6 +19,7 @@ from fgnav.graph.factors.vehicle.standstill import Standstill
 from fgnav.graph.types.parameters import Parameter
 from fgnav.graph.types.sensor import Sensor
 from fgnav.types.flight import Flight
+from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
 
 
 class Instrument(NamedTuple):
@@ -44,9 +43,7 @@ class Instruments(NamedTuple):
         return any(LANDMARK in sensor.parameters for sensor in self.sensors)
 
 
-def instruments(
-    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
-) -> Instruments:
+def instruments(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> Instruments:
     """Build the instruments' measurements at keyframes, (n,).
 
     Parameters
@@ -54,12 +51,10 @@ def instruments(
     flight : Flight
     stage : Aligned
     track : Tracked
-    v_n_mps : ndarray, shape (n, 3)
-        Approximate velocities.
     stands : Standing
         When the body stands still.
     """
-    every = tuple(_each(flight, stage, track, v_n_mps, stands))
+    every = tuple(_each(flight, stage, track, stands))
     return Instruments(
         tuple(one.sensor for one in every if one.sensor is not None and len(one.sensor.row)),
         tuple(constant for one in every for constant in one.constants),
@@ -67,9 +62,7 @@ def instruments(
     )
 
 
-def _each(
-    flight: Flight, stage: Aligned, track: Tracked, v_n_mps: FloatArray, stands: Standing
-) -> Iterator[Instrument]:
+def _each(flight: Flight, stage: Aligned, track: Tracked, stands: Standing) -> Iterator[Instrument]:
     imu, t_s, causal = stage.record.imu, track.t_s, stage.causal
     rates, earth = stage.rates if stage.gyroscope else None, flight.origin.earth_rate_n_radps
     between, unused = baselines(flight, t_s)
@@ -82,11 +75,16 @@ def _each(
     yield Instrument(None if seen is None else line_of_sight(seen), (), unused)
     yield Instrument(*heights(flight, imu, t_s, track.places_n_m, causal=causal))
     yield Instrument(*magnetic_field(flight.magnetometer, t_s, causal=causal))
-    yield Instrument(*wheels(flight.vehicle, imu, t_s, rates, earth))
-    yield Instrument(*airflow(flight.vehicle, t_s, v_n_mps))
+    vehicle = flight.vehicle
+    if isinstance(vehicle, WheeledVehicle):
+        yield Instrument(*wheels(vehicle, imu, t_s, rates, earth))
+    if isinstance(vehicle, FinnedVehicle):
+        v_n_mps = approximate_motion(stage, track, stage.start.R_nb)[1]
+        yield Instrument(*airflow(vehicle, t_s, v_n_mps))
     if flight.standstill:
         yield Instrument(Standstill(row=stands.row, sigma_mps=stands.sigma_mps))
-    yield Instrument(resting_rates(flight.vehicle, imu, t_s, stands, earth, causal=causal))
+    if isinstance(vehicle, WheeledVehicle):
+        yield Instrument(resting_rates(imu, stands, earth))
 
 
 def gravity_sensor(down: Directions, gravity_n_mps2: FloatArray) -> Gravity:

@@ -38,7 +38,7 @@ from fgnav.checks import BoolArray, FloatArray, IntArray
 WINDOW_S = 1.0  # what shakes a body at rest has faded within it; Skog's feet stand a tenth of it
 _MISSED = 0.05  # of windows at rest, by both statistics
 _FALSE_ALARM = 1e-4  # of the test that GNSS measured a velocity of zero
-_TOLD_SIGMAS = 3.0  # of a window's velocity, that speeds in motion exceed
+_RESOLVED_SIGMAS = 3.0  # of a window's velocity, that speeds in motion exceed
 _SLOW_MPS = 0.5  # a slow walk
 _SAME_S = 1e-6
 
@@ -48,6 +48,33 @@ class Standing(NamedTuple):
 
     row: IntArray
     sigma_mps: FloatArray
+    until_s: FloatArray  # their times
+    causal: bool = False  # whether a second is at rest only once it is over
+
+    def contains(self, t_s: FloatArray) -> BoolArray:
+        """Select the times, (n,), at standstill; causal: the last of each second."""
+        if not len(self.until_s):
+            return np.zeros(len(t_s), dtype=np.bool_)
+        after = np.searchsorted(self.until_s, t_s - _SAME_S)
+        until_s = np.append(self.until_s, np.inf)[after]
+        back_s = _SAME_S if self.causal else WINDOW_S - _SAME_S
+        return np.asarray(t_s > until_s - back_s)
+
+    def share(self, t_s: FloatArray) -> FloatArray:
+        """Return the share of each interval between times, (n - 1,), that is at rest.
+
+        Causal: of what is over with the interval.
+        """
+        if not len(self.until_s):
+            return np.zeros(len(t_s) - 1)
+        from_s = np.maximum(self.until_s - WINDOW_S, np.append(-np.inf, self.until_s[:-1]))
+        total_s = np.append(0.0, np.cumsum(self.until_s - from_s))
+        knots_s = np.column_stack([from_s, self.until_s]).ravel()
+        rested_s = np.interp(t_s, knots_s, np.column_stack([total_s[:-1], total_s[1:]]).ravel())
+        until_s = rested_s[1:]
+        if self.causal:
+            until_s = total_s[np.searchsorted(self.until_s, t_s[1:] + _SAME_S)]
+        return np.asarray((until_s - rested_s[:-1]).clip(0) / np.diff(t_s))
 
 
 class _Measured(NamedTuple):
@@ -69,27 +96,27 @@ def standing(
     second = np.floor((t_s - t_s[0]) / WINDOW_S).astype(np.int64)
     row = np.flatnonzero(np.diff(second, prepend=0) > 0)
     if not len(row):
-        return Standing(row, np.zeros(0))
+        return Standing(row, np.zeros(0), np.zeros(0), causal)
     variance, step, count = _moments(record, t_s[row])
     measured = _measured(antenna, t_s, row)
     with_gnss = measured.number > 0
     limit = chdtri(3 * np.maximum(measured.number, 1), _FALSE_ALARM)
     contradicted = with_gnss & (measured.whitened > limit)
-    told = _is_told(measured, contradicted, causal=causal)
-    at_rest = np.isfinite(variance).all(axis=1) & with_gnss & ~contradicted & told
-    beside = np.append(False, at_rest[:-1]) & np.append(at_rest[1:], False)
-    calm = at_rest & beside
+    resolvable = _is_resolved(measured, contradicted, causal=causal)
+    at_rest = np.isfinite(variance).all(axis=1) & with_gnss & ~contradicted & resolvable
+    surrounded = np.append(False, at_rest[:-1]) & np.append(at_rest[1:], False)
+    calm = at_rest & surrounded
     quiet = _is_quiet(variance, np.maximum(count - 1, 1), calm, causal=causal)
     both = calm & np.append(False, calm[:-1])  # else the end of braking is a step of rest
     quiet &= _is_quiet(step, np.ones(len(row)), both, causal=causal)
     sigma_mps = _sigma_mps(measured, quiet & with_gnss & ~contradicted, causal=causal)
     in_motion_mps = _sigma_mps(measured, quiet & contradicted, causal=causal)
     sigma_mps = np.where(with_gnss, sigma_mps, np.fmax(sigma_mps, in_motion_mps))
-    stands = quiet & ~contradicted & (told | ~with_gnss) & np.isfinite(sigma_mps)
-    return Standing(row[stands], sigma_mps[stands])
+    stands = quiet & ~contradicted & (resolvable | ~with_gnss) & np.isfinite(sigma_mps)
+    return Standing(row[stands], sigma_mps[stands], t_s[row[stands]], causal)
 
 
-def _is_told(measured: _Measured, contradicted: BoolArray, *, causal: bool) -> BoolArray:
+def _is_resolved(measured: _Measured, contradicted: BoolArray, *, causal: bool) -> BoolArray:
     """Return in which windows, (m,), GNSS tells rest from the speeds that it measured in motion."""
     number = np.maximum(measured.number, 1)
     sigma_mps = np.sqrt(measured.stated_m2ps2 / 3.0) / number  # of the mean of a window
@@ -97,7 +124,7 @@ def _is_told(measured: _Measured, contradicted: BoolArray, *, causal: bool) -> B
     total, count = square.cumsum(), np.where(contradicted, measured.number, 0).cumsum()
     last = np.arange(len(number)) if causal else np.full(len(number), len(number) - 1)
     speed_mps = np.sqrt(total[last] / np.maximum(count[last], 1))
-    return np.asarray(_TOLD_SIGMAS * sigma_mps < np.maximum(speed_mps, _SLOW_MPS))
+    return np.asarray(_RESOLVED_SIGMAS * sigma_mps < np.maximum(speed_mps, _SLOW_MPS))
 
 
 def _sigma_mps(measured: _Measured, of: BoolArray, *, causal: bool) -> FloatArray:
@@ -159,7 +186,7 @@ def _velocities(
 
     Velocities known in some directions only are left out.
     """
-    velocity = next((one for _, one in antenna.velocities if one.valid.any()), None)
+    velocity = next((one for one in antenna.velocities if one.valid.any()), None)
     if velocity is not None:
         complete = velocity.valid
         if velocity.partial is not None:
@@ -171,9 +198,9 @@ def _velocities(
     good = np.flatnonzero(antenna.position.valid)
     p_n_m, C = antenna.position.value[good], antenna.position.covariance[good]
     before = np.searchsorted(t_s[good], t_s[good] - WINDOW_S + _SAME_S, side="right") - 1
-    apart_s = t_s[good] - t_s[good[before]]
-    k = np.flatnonzero((before >= 0) & (apart_s < 2 * WINDOW_S) & np.isin(good, row))
-    j, T = before[k], apart_s[k]
+    interval_s = t_s[good] - t_s[good[before]]
+    k = np.flatnonzero((before >= 0) & (interval_s < 2 * WINDOW_S) & np.isin(good, row))
+    j, T = before[k], interval_s[k]
     return good[k], (p_n_m[k] - p_n_m[j]) / T[:, None], (C[k] + C[j]) / (T**2)[:, None, None]
 
 

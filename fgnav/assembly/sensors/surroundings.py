@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from fgnav.alignment.gaps import LONGEST_STEP_S
-from fgnav.alignment.matching import SAME_S
+from fgnav.alignment.matching import SAME_S, nearest
 from fgnav.checks import FloatArray, Unused, unused_of
 from fgnav.geometry.earth import Origin, geodetic
+from fgnav.geometry.interpolation import interpolate
 from fgnav.graph.factors.barometer import OFFSET, BarometricHeight
 from fgnav.graph.factors.directions import Directions
 from fgnav.graph.factors.magnetometer import HARD_IRON, MagneticField
@@ -134,20 +135,17 @@ def _sampled(
     One for each: neighbours of one sample would share its noise.
     """
     spacing_s = float(np.median(np.diff(t_s)))
-    after = np.searchsorted(t_s, have_s).clip(1, len(t_s) - 1)
-    row = np.where(have_s - t_s[after - 1] < t_s[after] - have_s, after - 1, after)
+    row, _ = nearest(t_s, have_s)
     near = np.abs(t_s[row] - have_s) <= spacing_s / 2 + SAME_S
     valid = np.zeros(len(t_s), dtype=np.bool_)
     valid[row[near]] = True
     valid &= (t_s >= have_s[0] - SAME_S) & (t_s <= have_s[-1] + SAME_S)
     if len(have_s) > 1:
         following = np.searchsorted(have_s, t_s - SAME_S).clip(1, len(have_s) - 1)
-        before = have_s[following - 1]
-        same = np.minimum(np.abs(t_s - before), np.abs(have_s[following] - t_s)) < SAME_S
-        valid &= same | (have_s[following] - before <= _LONGEST_S)
+        is_short = have_s[following] - have_s[following - 1] <= _LONGEST_S
+        valid &= is_short | nearest(have_s, t_s)[1]
     interpolated = np.full((len(t_s), values.shape[1]), np.nan)
-    for k, column in enumerate(values.T):
-        interpolated[valid, k] = np.interp(t_s[valid], have_s, column)
+    interpolated[valid] = interpolate(t_s[valid], have_s, values)
     unmatched = len(have_s) - int(valid.sum())
     reason = "not at a keyframe, or not alone there"
     return interpolated, unused_of({(what, reason): unmatched})
@@ -195,26 +193,26 @@ def _between(barometer: Barometer, times_s: FloatArray, t_s: FloatArray) -> floa
     """
     if barometer.wander_m == 0 or len(times_s) < 2:
         return 0.0
-    spacing_s, apart_s = float(np.median(np.diff(t_s))), float(times_s[1] - times_s[0])
+    spacing_s, interval_s = float(np.median(np.diff(t_s))), float(times_s[1] - times_s[0])
     T_s, variance_m2 = barometer.wander_time_s, barometer.wander_m**2
-    missed = variance_m2 * apart_s**2 / (6 * T_s)
+    missed = variance_m2 * interval_s**2 / (6 * T_s)
     return max(
-        min(missed, 2 * variance_m2 * T_s) / spacing_s, min(apart_s / T_s / 3, 1.0) * variance_m2
+        min(missed, 2 * variance_m2 * T_s) / spacing_s, min(interval_s / T_s / 3, 1.0) * variance_m2
     )
 
 
 def _offset(barometer: Barometer, times_s: FloatArray) -> Parameter:
     """Return offset and drift at those times, as correlated as they are."""
-    apart_s = np.abs(times_s[:, None] - times_s)
-    drift_m2 = barometer.wander_m**2 * np.exp(-apart_s / barometer.wander_time_s)
+    interval_s = np.abs(times_s[:, None] - times_s)
+    drift_m2 = barometer.wander_m**2 * np.exp(-interval_s / barometer.wander_time_s)
     n = len(times_s)
-    apart_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
+    rounding_m2 = (_DIGITS * barometer.offset_m) ** 2 * np.eye(n)  # .1 mm of 100 m
     return Parameter(
         name=OFFSET,
         axes=("height",) if n == 1 else tuple(f"at {t:.1f} s" for t in times_s),
         unit="m",
         mean=np.zeros(n),
-        covariance=barometer.offset_m**2 + drift_m2 + apart_m2,
+        covariance=barometer.offset_m**2 + drift_m2 + rounding_m2,
         start=np.zeros(n),
         linear=True,
     )

@@ -1,11 +1,9 @@
 """Methods as the command line asks for them, and a flight compared by them, each step shown."""
 
-import gc
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fgnav.cli.arguments.options import SmootherOptions
 from fgnav.terminal import Steps, progress
@@ -20,48 +18,31 @@ _LOG = logging.getLogger("fgnav")
 _TOML = "flight.toml"  # what makes a folder a flight
 
 
-@contextmanager
-def _loading() -> Iterator[None]:
-    """Let the garbage collector rest: what modules make stays, and counting it takes 0.1 s."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
-@_loading()
 def estimators_named(methods: str, integers: str, smoother: SmootherOptions) -> "list[Estimator]":
     """Return the methods of a comma-separated list, all with one resolver and the same options."""
     from fgnav.checks import BadInputError  # noqa: PLC0415
+    from fgnav.face import method  # noqa: PLC0415
     from fgnav.gravity import gravity_named  # noqa: PLC0415
     from fgnav.integers.resolvers.registry import resolver_named  # noqa: PLC0415
-    from fgnav.methods import SMOOTHERS, WITH_GRAVITY, WITH_LAG, Options, method_named  # noqa: PLC0415
+    from fgnav.methods import SMOOTHERS, WITH_GRAVITY, WITH_LAG  # noqa: PLC0415
 
-    resolver, names = resolver_named(integers), list(_words(methods))
-    options = Options(
-        gravity=None if smoother.gravity is None else gravity_named(smoother.gravity),
-        calibrate=_words(smoother.calibrate),
-        factors=factors_named(smoother.factors),
-        causal=smoother.causal,
-        noise=smoother.noise,
-        lag_s=smoother.lag,
-    )
+    resolver, names = resolver_named(integers), _words(methods)
+    options: dict[str, Any] = {
+        "gravity": None if smoother.gravity is None else gravity_named(smoother.gravity),
+        "calibrate": _words(smoother.calibrate) or None,
+        "factors": factors_named(smoother.factors),
+        "noise": smoother.noise,
+        "causal": smoother.causal,
+        "lag_s": smoother.lag,
+    }
     if not names:
         raise BadInputError(f"--method: names no method, got {methods!r}")
-    takers = {
-        "--gravity": (options.gravity is not None, WITH_GRAVITY),
-        "--calibrate": (bool(options.calibrate), SMOOTHERS),
-        "--factors": (options.factors is not None, WITH_GRAVITY),
-        "--noise": (options.noise is not None, SMOOTHERS),
-        "--causal": (options.causal, ("smoother",)),
-        "--lag": (options.lag_s is not None, WITH_LAG),
-    }
-    for option, (is_given, taken_by) in takers.items():
-        if is_given and not set(names) & set(taken_by):
-            raise BadInputError(f"{option}: only {', '.join(taken_by)} use it, got {methods!r}")
-    return [method_named(name, resolver, options) for name in names]
+    takers = (WITH_GRAVITY, SMOOTHERS, WITH_GRAVITY, SMOOTHERS, ("smoother",), WITH_LAG)
+    for (option, value), taken_by in zip(options.items(), takers, strict=True):
+        if value not in (None, False) and not set(names) & set(taken_by):
+            flag = f"--{option.removesuffix('_s')}"
+            raise BadInputError(f"{flag}: only {', '.join(taken_by)} use it, got {methods!r}")
+    return [method(name, integers=resolver, **options) for name in names]
 
 
 def factors_named(text: str) -> tuple[str, ...] | None:
@@ -84,10 +65,15 @@ def ablated(
     out: list[Estimator] = []
     for word in _words(kinds):
         left_out = tuple(kind.strip() for kind in word.split("+"))
-        takers = [one for one in named if GRAVITY not in left_out or has_gravity(one)]
+        takers = [
+            estimator for estimator in named if GRAVITY not in left_out or has_gravity(estimator)
+        ]
         if not takers:
             raise BadInputError("--without gravity: there is none without --gravity; name one")
-        out += [restricted(f"{one.name} without {word}", one, left_out) for one in takers]
+        out += [
+            restricted(f"{estimator.name} without {word}", estimator, left_out)
+            for estimator in takers
+        ]
     return out
 
 
@@ -130,7 +116,7 @@ def compare_folders(
         return compare_flights(loaded(), by, watch=step)
 
 
-def flights_in(places: tuple[Path, ...]) -> list[Path]:
+def flights_in(paths: tuple[Path, ...]) -> list[Path]:
     """Return the flights that are named, and those in folders that hold some, sorted.
 
     Raises
@@ -141,9 +127,9 @@ def flights_in(places: tuple[Path, ...]) -> list[Path]:
     from fgnav.checks import BadInputError  # noqa: PLC0415
 
     folders: list[Path] = []
-    for place in places:
-        inside = [] if (place / _TOML).exists() else sorted(place.glob(f"*/{_TOML}"))
-        folders += [toml.parent for toml in inside] or [place]
+    for path in paths:
+        inside = [] if (path / _TOML).exists() else sorted(path.glob(f"*/{_TOML}"))
+        folders += [toml.parent for toml in inside] or [path]
     for folder in folders:
         if folders.count(folder) > 1:
             raise BadInputError(f"{folder}: is named twice; a flight counts once")
@@ -177,8 +163,8 @@ def _check_set_up(flight: "Flight") -> None:
         if finding.certain:
             raise BadInputError(f"{flight.name}: {finding}")
     lost = unused_lines({"files": flight.unused})
-    for said in (*findings, *(f"files: {line}" for line in lost)):
-        _LOG.warning("check: %s", said)
+    for remark in (*findings, *(f"files: {line}" for line in lost)):
+        _LOG.warning("check: %s", remark)
 
 
 def log_findings_of_check(flight: "Flight") -> None:

@@ -7,26 +7,23 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fgnav.evaluation.comparison import Comparison
+    from fgnav.evaluation.flights import FlightsComparison
     from fgnav.types.flight import Flight
 
 
-def fail_if_inconsistent(comparison: "Comparison", *, strict: bool) -> None:
+def fail_if_inconsistent(comparison: "Comparison | FlightsComparison", *, strict: bool) -> None:
     """Raise if estimates are to be consistent and some are not.
 
     Raises
     ------
     NoSolutionError
-        Naming the methods, and the sensors that contradict the others.
+        Naming the methods and the sensors that contradict the others, or the flights.
     """
     from fgnav.checks import NoSolutionError  # noqa: PLC0415  # lazy, like all below
 
-    found = [
-        f"{method.name}: {', '.join(dict.fromkeys(one.sensor for one in method.score.verdicts))}"
-        for method in comparison.methods
-        if method.score.verdicts
-    ]
-    if strict and found:
-        raise NoSolutionError(f"--strict: measurements contradict each other: {'; '.join(found)}")
+    if strict and comparison.contradictions:
+        named = "; ".join(comparison.contradictions)
+        raise NoSolutionError(f"--strict: measurements contradict each other: {named}")
 
 
 def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: Path) -> str:
@@ -45,9 +42,7 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
     from fgnav.io.exports.tables import ESTIMATE, SUMMARY, write_outcome  # noqa: PLC0415
 
     method = comparison[name]
-    estimate = method.estimate
-    if estimate is None:
-        raise NoSolutionError(f"{name}: {method.score.failure}")
+    estimate = method.solution
     if not estimate.converged:
         open_ = " and ".join(estimate.unobservable)
         raise NoSolutionError(
@@ -55,12 +50,12 @@ def write_method(comparison: "Comparison", name: str, flight: "Flight", folder: 
             + (f"; the data leave open: {open_}" if open_ else "")
         )
     alone = replace(comparison, methods=(method,), differences=())
-    place = made_folder(folder)
-    replaced = ", for an earlier one" if (place / ESTIMATE).exists() else ""
-    with TemporaryDirectory(prefix=".fgnav-", dir=place) as written:  # on the same disk
+    made = made_folder(folder)
+    replaced = ", for an earlier one" if (made / ESTIMATE).exists() else ""
+    with TemporaryDirectory(prefix=".fgnav-", dir=made) as written:  # on the same disk
         save_estimate(estimate, flight, Path(written) / FILE)
         write_outcome(Path(written), estimate, flight.origin, alone.to_dict())
         for file in (FILE, ESTIMATE, SUMMARY):
-            (Path(written) / file).replace(place / file)
+            (Path(written) / file).replace(made / file)
     count = f"{len(estimate.t_s)} of {comparison.epochs} epochs"
-    return f"{name}: {count} in {place / ESTIMATE}{replaced}"
+    return f"{name}: {count} in {made / ESTIMATE}{replaced}"

@@ -34,7 +34,7 @@ _LETTER, _ROW = 3.7, 7.0  # width of a letter; height of a row
 
 
 class Style(NamedTuple):
-    """How a line is drawn; ``group`` names those of a method, which a page can hide."""
+    """Colour and dashes of a line; ``group`` names those of a method, which a page can hide."""
 
     colour: str
     dashes: Literal["-", "--"] = "-"
@@ -49,9 +49,9 @@ def styles_of(methods: Sequence[str]) -> dict[str, Style]:
     """
     free = [Style(colour) for colour in COLOURS] + [Style(colour, "--") for colour in COLOURS]
     fixed = {name: free[METHODS.index(name)] for name in methods if name in METHODS}
-    rest = [one for one in free if one not in fixed.values()]
+    left = [one for one in free if one not in fixed.values()]
     others = [name for name in methods if name not in fixed]
-    fixed |= {name: rest[k % len(rest)] for k, name in enumerate(others)}
+    fixed |= {name: left[k % len(left)] for k, name in enumerate(others)}
     styles = {TRUTH: Style(INK, "--"), INK_LINE: Style(INK), FIXES: Style(FAIR)}
     return styles | {name: fixed[name]._replace(group=f"m{k}") for k, name in enumerate(methods)}
 
@@ -120,7 +120,7 @@ class Chart:
 
     @property
     def description(self) -> str:
-        """What is drawn, in words."""
+        """Content of the figure in words."""
         names = dict.fromkeys([*(line.name or line.style for line in self.lines), *self.rows])
         return f"{self.title}: {self.y} by {self.x}; {', '.join(names)}"
 
@@ -129,7 +129,7 @@ class Chart:
         if self.cells is not None:
             _draw_cells(axes, self.cells)
         behind = sorted(
-            self.lines, key=lambda one: (one.style == TRUTH, not one.dots, -one.roughness)
+            self.lines, key=lambda line: (line.style == TRUTH, not line.dots, -line.roughness)
         )
         for line, width in zip(behind, np.linspace(_THICK, _THIN, len(behind)), strict=True):
             is_thin = line.style == TRUTH or len(behind) == 1
@@ -138,9 +138,9 @@ class Chart:
         for value, text in self.rules.items():
             axes.axhline(value, color=DIM, linestyle="--", linewidth=0.5)
             pale = {"facecolor": "#ffffff", "alpha": 0.7, "linewidth": 0, "pad": 0.3}
-            place, of = (1, value), axes.get_yaxis_transform()
-            beside: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "bbox": pale}
-            axes.annotate(text, place, (-2, 1.5), of, color=DIM, **beside)
+            anchor, of = (1, value), axes.get_yaxis_transform()
+            style: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "bbox": pale}
+            axes.annotate(text, anchor, (-2, 1.5), of, color=DIM, **style)
         for x, y, text in self.notes:
             axes.annotate(text, (x, y), (2, 2), textcoords="offset points", color=DIM, size=5.5)
         self._scale(axes)
@@ -213,7 +213,7 @@ def unjumped_deg(angle_deg: FloatArray) -> FloatArray:
 
 
 def is_rough(values: FloatArray) -> bool:
-    """Return whether (n, 3) values change from epoch to epoch by about as much as white noise."""
+    """Return True if (n, 3) values change from epoch to epoch about as much as white noise."""
     finite = values[:, np.isfinite(values).all(axis=0)]
     if len(finite) < 3 or not finite.any():
         return False
@@ -245,8 +245,8 @@ def spanning(lines: Sequence[Line]) -> Span | None:
             later = slice(len(line.y) // 2, None)
             values += [line.y[later] + side * line.half[later] for side in (-1, 1)]
     finite = np.concatenate([v[np.isfinite(v)] for v in values])
-    room = 0.04 * np.ptp(finite)
-    return (float(finite.min() - room), float(finite.max() + room)) if room > 0 else None
+    margin = 0.04 * np.ptp(finite)
+    return (float(finite.min() - margin), float(finite.max() + margin)) if margin > 0 else None
 
 
 def _draw_line(axes: "Axes", line: Line, style: Style, width: float, *, in_time: bool) -> None:
@@ -301,6 +301,6 @@ def _set_powers_of_ten(axes: "Axes", axis: str, series: Sequence[FloatArray]) ->
     low, high = (np.floor(min(v.min() for v in logs)), np.ceil(max(v.max() for v in logs)))
     getattr(axes, f"set_{axis}scale")("log")
     getattr(axes, f"set_{axis}lim")(10.0**low, 10.0 ** max(high, low + 1))
-    own = getattr(axes, f"{axis}axis")
-    own.set_major_formatter("{x:g}")
-    own.set_minor_locator(NullLocator())
+    scale = getattr(axes, f"{axis}axis")
+    scale.set_major_formatter("{x:g}")
+    scale.set_minor_locator(NullLocator())

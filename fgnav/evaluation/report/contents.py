@@ -1,5 +1,9 @@
 """The report of a comparison: its parts, in the order in which they are read."""
 
+import json
+from pathlib import Path
+from typing import Any
+
 from fgnav.evaluation.comparison import Comparison, Method
 from fgnav.evaluation.report.charts import Span
 from fgnav.evaluation.report.parts import Report, folded, paragraph, report
@@ -17,8 +21,10 @@ from fgnav.evaluation.report.sections.receivers import receiver_blocks
 from fgnav.evaluation.report.sections.satellites import satellite_blocks
 from fgnav.evaluation.report.sections.signals import sky_charts
 from fgnav.evaluation.report.summary import method_table, remarks
+from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
+_DRAWN = "dispersions.json"  # of the simulator: says the seed
 _ONE_FLIGHT = (
     "Errors of neighbouring epochs are alike, so one flight cannot tell a better method from a "
     "lucky one: name several flights, or a folder of them, for differences with their intervals."
@@ -67,9 +73,22 @@ def comparison_report(
     return report(f"{comparison.flight}: {', '.join(names)}", names, parts)
 
 
+def source_of(folder: Path) -> dict[str, Any]:
+    """Read seed and text of a flight's folder for ``comparison_report`` to quote."""
+    toml = files_of(folder)[0]
+    try:
+        seed = json.loads(toml.with_name(_DRAWN).read_text(encoding="utf-8"))["seed"]
+    except (OSError, ValueError, KeyError, TypeError):
+        seed = None
+    return {
+        "seed": seed if isinstance(seed, int) else None,
+        "source": toml.read_text(encoding="utf-8"),
+    }
+
+
 def _time(flight: Flight, solved: list[Method]) -> Span:
     """Return the limits of the axis of time that all figures share."""
-    spans = [m.estimate.t_s for m in solved if m.estimate is not None and len(m.estimate.t_s)]
+    spans = [m.solution.t_s for m in solved if len(m.solution.t_s)]
     if flight.observations is not None and len(flight.observations.t_s):
         spans.append(flight.observations.t_s)
     low = min((float(t_s[0]) for t_s in spans), default=0.0)

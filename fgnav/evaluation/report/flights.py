@@ -51,10 +51,13 @@ def flights_report(comparison: FlightsComparison) -> Report:
 
 
 def on_screen(comparison: FlightsComparison) -> Blocks:
-    """Return what a terminal shows of several flights."""
+    """Return the tables of several flights for a terminal."""
     rows = [
-        [one.flight, *(_cell(one.figures, m, "attitude_rmse_deg") for m in comparison.methods)]
-        for one in comparison.flights
+        [
+            outcome.flight,
+            *(_cell(outcome.figures, m, "attitude_rmse_deg") for m in comparison.methods),
+        ]
+        for outcome in comparison.flights
     ]
     caption = f"{len(rows)} flights: attitude RMS errors, deg"
     errors = table(["flight", *comparison.methods], rows, caption)
@@ -105,13 +108,15 @@ def _count_rows(comparison: FlightsComparison) -> Iterator[list[str]]:
     """Yield each method's integers right, wrong and refused, summed over flights, and its time."""
     for method in comparison.methods:
         counts = [comparison.figure(f"integers_{kind}", method) for kind in _COUNTS]
-        seconds = [one.seconds[method] for one in comparison.flights if method in one.seconds]
+        seconds = [
+            outcome.seconds[method] for outcome in comparison.flights if method in outcome.seconds
+        ]
         sums = [f"{np.nansum(n):.0f}" if np.isfinite(n).any() else NONE for n in counts]
         yield [method, *sums, significant(float(np.mean(seconds)) if seconds else None)]
 
 
 def paired(comparison: FlightsComparison) -> Blocks:
-    """Return what each method gains against the first one, flight by flight."""
+    """Return the gain of each method over the first one, flight by flight."""
     rows = []
     for name in PAIRED:
         for method in comparison.methods[1:]:
@@ -147,23 +152,23 @@ def remarks(comparison: FlightsComparison) -> Iterator[str]:
         more = f" and {len(against) - 3} more" if len(against) > 3 else ""
         named = ", ".join(against[:3]) + more
         yield f"errors and NEES of {named} are against a reference that is an estimate itself"
-    for one in comparison.flights:
-        if one.failure is not None:
-            yield f"{one.flight}: not compared: {one.failure}"
-        for method, why in one.failures.items():
-            yield f"{one.flight}: {method}: no solution: {why}"
+    for outcome in comparison.flights:
+        if outcome.failure is not None:
+            yield f"{outcome.flight}: not compared: {outcome.failure}"
+        for method, why in outcome.failures.items():
+            yield f"{outcome.flight}: {method}: no solution: {why}"
 
 
 def _per_flight(comparison: FlightsComparison) -> Blocks:
     rows = [
         [
-            one.flight,
+            outcome.flight,
             method,
-            *(_cell(one.figures, method, name) for name in _SUMMARY.values()),
-            significant(one.seconds.get(method)),
+            *(_cell(outcome.figures, method, name) for name in _SUMMARY.values()),
+            significant(outcome.seconds.get(method)),
         ]
-        for one in comparison.flights
-        for method in one.figures
+        for outcome in comparison.flights
+        for method in outcome.figures
     ]
     return table(["flight", "method", *_SUMMARY, "time, s"], rows)
 
@@ -174,7 +179,7 @@ def _cell(figures: Mapping[str, Mapping[str, float]], method: str, name: str) ->
 
 def _charts(comparison: FlightsComparison) -> Blocks:
     """Return a dot for each flight and method, in the order of the flights."""
-    place = np.arange(1.0, len(comparison.flights) + 1)
+    number = np.arange(1.0, len(comparison.flights) + 1)
     charts = []
     for name in PAIRED:
         title = FIGURES[name].title
@@ -182,10 +187,10 @@ def _charts(comparison: FlightsComparison) -> Blocks:
         positive = {method: v for method, v in values.items() if (v > 0).any()}
         shifts = np.linspace(-_BESIDE, _BESIDE, len(positive)) if len(positive) > 1 else [0.0]
         lines = [
-            Line(method, place + shift, v, dots=True)
+            Line(method, number + shift, v, dots=True)
             for (method, v), shift in zip(positive.items(), shifts, strict=False)
         ]
-        limits = (0.5, len(place) + 0.5)
+        limits = (0.5, len(number) + 0.5)
         unit = title.rpartition(", ")[2]
         if lines:
             charts.append(Chart(title, unit, lines, "flight", x_limits=limits, log="y"))

@@ -1,4 +1,4 @@
-"""What a report holds: parts of paragraphs, tables and figures, whatever file they are written to.
+"""Content of a report: parts of paragraphs, tables and figures, in whatever format it is written.
 
 A function that returns ``Blocks`` returns none where there is nothing to say.
 """
@@ -103,7 +103,7 @@ def grid(charts: Iterable[Chart]) -> Blocks:
 
 
 def folded(title: str, blocks: Blocks) -> Blocks:
-    """Return what opens on demand; nothing where there is nothing in it."""
+    """Return blocks that open on demand; nothing where there are none."""
     return [Folded(title, blocks)] if blocks else []
 
 
@@ -127,5 +127,5 @@ def interval(of: Interval) -> str:
 
 
 def is_numeric(column: Sequence[str]) -> bool:
-    """Return whether all cells of a column that are not empty are numbers."""
+    """Return True if all cells of a column that are not empty are numbers."""
     return any(column) and all(cell[0] in _NUMERIC for cell in column if cell)

@@ -110,9 +110,9 @@ def _dots(text: str) -> str:
     radius = dict(re.findall(r'<path id="(\w+)" d="M 0 (\S+)', text))
 
     def path(uses: re.Match[str]) -> str:
-        places = "".join(f"M{x} {y}h0" for x, y in re.findall(r'x="(.*?)" y="(.*?)"', uses[0]))
+        moves = "".join(f"M{x} {y}h0" for x, y in re.findall(r'x="(.*?)" y="(.*?)"', uses[0]))
         stroke = f"stroke: {uses['colour']}; stroke-width: {2 * float(radius[uses['name']])}"
-        return f'<path class="dots" d="{places}" style="{stroke}"/>'
+        return f'<path class="dots" d="{moves}" style="{stroke}"/>'
 
     use = r'<use xlink:href="#(?P<name>\w+)"[^>]*style="fill: (?P<colour>#\w+)"/>\s*'
     return re.sub(f"(?:{use})+", path, text)
@@ -134,15 +134,15 @@ class _Row(NamedTuple):
 
 def sheets(report: Report, part: Part, high: float, *, cut: bool) -> Iterator[Figure]:
     """Yield the sheets of a part, so high in points; ``cut`` ones end below what they hold."""
-    room = high - 2 * _MARGIN - _head(report)
+    free = high - 2 * _MARGIN - _head(report)
     pages: list[list[_Row]] = [[]]
     for row in _rows(part.blocks):
-        if pages[-1] and sum(one.height for one in pages[-1]) + row.height > room:
+        if pages[-1] and sum(above.height for above in pages[-1]) + row.height > free:
             pages.append([])
         pages[-1].append(row)
     for number, page in enumerate(pages, 1):
         title = part.title + (f" ({number})" if number > 1 else "")
-        spare = room - sum(row.height for row in page)
+        spare = free - sum(row.height for row in page)
         with rc_context(STYLE):  # also while a sheet is saved
             yield _sheet(report, title, page, high - max(spare, 0) if cut else high)
 
@@ -154,8 +154,10 @@ def _rows(blocks: Sequence[Block]) -> Iterator[_Row]:
         match block:
             case Grid(charts):
                 for first in range(0, len(charts), _COLUMNS):
-                    row = charts[first : first + _COLUMNS]
-                    yield _Row(max(one.height for one in row) + 8.0, charts=row)
+                    charts_in_row = charts[first : first + _COLUMNS]
+                    yield _Row(
+                        max(chart.height for chart in charts_in_row) + 8.0, charts=charts_in_row
+                    )
             case Folded(title, inner):
                 yield _Row(2.6 * _LINE, title, bold=True)
                 yield from _rows(inner)
@@ -205,11 +207,11 @@ def _draw(
     figure: Figure, chart: Chart, styles: Mapping[str, Style], corner: tuple[float, float]
 ) -> Axes:
     """Draw a chart with its upper left corner at a place, in points."""
-    width, height = (72 * one for one in figure.get_size_inches())
+    width, height = (72 * inches for inches in figure.get_size_inches())
     left, top = chart.margins
     wide, high = WIDTH - left - RIGHT, chart.height - top - BOTTOM
     bottom = height - corner[1] - chart.height + BOTTOM
-    place = ((corner[0] + left) / width, bottom / height, wide / width, high / height)
-    axes = figure.add_axes(place, facecolor="none", projection="polar" if chart.polar else None)
+    box = ((corner[0] + left) / width, bottom / height, wide / width, high / height)
+    axes = figure.add_axes(box, facecolor="none", projection="polar" if chart.polar else None)
     chart.draw(axes, styles)
     return axes

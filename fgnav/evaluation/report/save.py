@@ -1,6 +1,5 @@
 """A report as a file: a page of HTML, a PDF or pictures, by the suffix of the file's name."""
 
-import json
 from glob import escape
 from importlib.resources import files
 from itertools import count
@@ -9,16 +8,12 @@ from typing import Any
 
 from fgnav.checks import BadInputError
 from fgnav.evaluation.comparison import Comparison
-from fgnav.evaluation.flights import FlightsComparison
 from fgnav.evaluation.report.charts import Chart, styles_of
-from fgnav.evaluation.report.contents import comparison_report
-from fgnav.evaluation.report.flights import flights_report
+from fgnav.evaluation.report.contents import comparison_report, source_of
 from fgnav.evaluation.report.parts import Report
 from fgnav.io.atomic_write import atomic_file, check_folder, made_folder, write_text
-from fgnav.io.flight.folder import files_of
 from fgnav.types.flight import Flight
 
-_DRAWN = "dispersions.json"  # of the simulator: says the seed
 _SHEET, _PICTURE = 595.3, 6000.0  # heights, points; pictures end below what they show
 _DOTS = 200  # of an inch of a PNG
 _OURS, _HEAD = "a report of fgnav", 400  # said within the first bytes of each picture
@@ -44,7 +39,7 @@ def check_report(path: Path | None) -> None:
 
 
 def save_report(
-    comparison: Comparison, flight: Flight, path: Path | None, place: Path | None = None
+    comparison: Comparison, flight: Flight, path: Path | None, folder: Path | None = None
 ) -> list[Path]:
     """Write the report of a comparison; return its files, none where ``path`` is None.
 
@@ -66,15 +61,8 @@ def save_report(
         return []
     if not comparison.solved:
         raise BadInputError(f"{path}: no method has an estimate to report")
-    toml = None if place is None else files_of(place)[0]
-    source = "" if toml is None else toml.read_text(encoding="utf-8")
-    seed = None if toml is None else _seed(toml.with_name(_DRAWN))
-    return write(comparison_report(comparison, flight, seed=seed, source=source), path)
-
-
-def save_flights_report(comparison: FlightsComparison, path: Path | None) -> list[Path]:
-    """Write the report of several flights, as ``save_report``."""
-    return [] if path is None else write(flights_report(comparison), path)
+    source = {} if folder is None else source_of(folder)
+    return write(comparison_report(comparison, flight, **source), path)
 
 
 def write(report: Report, path: Path) -> list[Path]:
@@ -128,9 +116,9 @@ def _save_pngs(report: Report, path: Path) -> list[Path]:
     from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
 
     written = []
-    for place, part in enumerate(report.parts):
+    for index, part in enumerate(report.parts):
         for number, sheet in enumerate(sheets(report, part, _PICTURE, cut=True), 1):
-            name = (f"-{part.name}" if place else "") + (f"-{number}" if number > 1 else "")
+            name = (f"-{part.name}" if index else "") + (f"-{number}" if number > 1 else "")
             written.append(path.with_name(f"{path.stem}{name}{path.suffix}"))
             with atomic_file(written[-1]) as unfinished:
                 sheet.savefig(unfinished, format="png", dpi=_DOTS, metadata={"Software": _OURS})
@@ -138,12 +126,3 @@ def _save_pngs(report: Report, path: Path) -> list[Path]:
         if _OURS.encode() in earlier.read_bytes()[:_HEAD]:
             earlier.unlink()
     return written
-
-
-def _seed(drawn: Path) -> int | None:
-    """Return the seed that the simulator wrote beside a flight, if it did."""
-    try:
-        seed = json.loads(drawn.read_text(encoding="utf-8"))["seed"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return seed if isinstance(seed, int) else None

@@ -41,11 +41,11 @@ def method_table(comparison: Comparison) -> Table:
     left out. NEES against a reference is called so.
     """
     rows = {m.name: _score_row(m.score, comparison.judged_by) for m in comparison.methods}
-    for one in comparison.differences:
-        rows[" − ".join(one.methods)] = _angles(one.rms_deg) | {
-            "angle, deg": _figure(one.attitude_rms_deg),
-            "position, m": _figure(one.position_rms_m),
-            "velocity, m/s": _figure(one.velocity_rms_mps),
+    for difference in comparison.differences:
+        rows[" − ".join(difference.methods)] = _angles(difference.rms_deg) | {
+            "angle, deg": _figure(difference.attitude_rms_deg),
+            "position, m": _figure(difference.position_rms_m),
+            "velocity, m/s": _figure(difference.velocity_rms_mps),
         }
     for name, bound in (
         ("one epoch", comparison.bound),
@@ -109,9 +109,9 @@ def _failure(method: Method) -> Iterator[str]:
 def _verdicts(method: Method) -> Iterator[str]:
     """Yield a line per sensor that contradicts the others: its largest verdict."""
     largest: dict[str, Verdict] = {}
-    for one in method.score.verdicts:
-        largest.setdefault(one.sensor, one)
-    yield from (f"inconsistent: {one}" for one in largest.values())
+    for verdict in method.score.verdicts:
+        largest.setdefault(verdict.sensor, verdict)
+    yield from (f"inconsistent: {verdict}" for verdict in largest.values())
 
 
 def _unobservable(method: Method) -> Iterator[str]:
@@ -141,8 +141,8 @@ def _reservations(method: Method) -> Iterator[str]:
 def _rejections(method: Method) -> Iterator[str]:
     """Yield a line per kind of measurement that was mended or left out, with its links."""
     links: dict[str, Counter[str]] = {}
-    for one in method.rejections:
-        links.setdefault(one.what, Counter())[one.link] += 1
+    for rejected in method.rejections:
+        links.setdefault(rejected.what, Counter())[rejected.link] += 1
     for what, by_link in links.items():
         most = ", ".join(link for link, _ in by_link.most_common(_MOST_LINKS))
         more = len(by_link) - _MOST_LINKS
@@ -196,25 +196,25 @@ def _score_row(score: Score, judged_by: str | None) -> dict[str, str]:
     nees = _figure(score.attitude_nees_mean, 2)
     if score.attitude_nees_mean is None and line.nees_mean is not None:
         nees = f"{line.nees_mean:.2f} of 2"
-    judged = None if counts is None or counts.right is None else counts.right + (counts.wrong or 0)
+    counted = None if counts is None or counts.right is None else counts.right + (counts.wrong or 0)
     cells = [
         *_angles(angles).values(),
         *map(_figure, (score.attitude_rmse_deg, *of_line, position_m, velocity_mps)),
         nees,
         _figure(score.position_nees_mean, 2),
         _figure(score.velocity_nees_mean, 2),
-        _figure(max((one.nis for one in score.consistency), default=None), 2),
+        _figure(max((test.nis for test in score.consistency), default=None), 2),
         NONE if score.failure is not None else f"{100 * score.available:.1f}",
         NONE if counts is None else _share(counts.fixed, counts.fixed + counts.not_fixed, 1),
-        NONE if counts is None else _share(counts.wrong, judged, 2),
+        NONE if counts is None else _share(counts.wrong, counted, 2),
         NONE if counts is None else _share(counts.chance, 1, 2),
         f"{score.seconds:.2f}",
     ]
     return dict(zip(HEADS, cells, strict=True))
 
 
-def _share(part: float | None, of: float | None, digits: int) -> str:
-    return NONE if part is None or not of else f"{100 * part / of:.{digits}f}"
+def _share(count: float | None, of: float | None, digits: int) -> str:
+    return NONE if count is None or not of else f"{100 * count / of:.{digits}f}"
 
 
 def _angles(figures: Angles) -> dict[str, str]:

@@ -39,12 +39,12 @@ def table_lines(table: Table, width: int) -> list[str]:
     above = above if any(above[1]) else above[:1]
     body = [line for row in table.rows for line in _broken(row)]
     wide = [max(map(len, column)) for column in zip(*above, *body, strict=True)]
-    bands, room = [[0]], width - wide[0]
+    bands, free = [[0]], width - wide[0]
     for column in range(1, len(wide)):
-        room -= wide[column] + 1
-        if room < 0 and len(bands[-1]) > 1:
+        free -= wide[column] + 1
+        if free < 0 and len(bands[-1]) > 1:
             bands.append([0])
-            room = width - wide[0] - wide[column] - 1
+            free = width - wide[0] - wide[column] - 1
         bands[-1].append(column)
     lines = []
     for band in bands:

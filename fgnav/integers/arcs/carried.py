@@ -19,7 +19,7 @@ class Answers(NamedTuple):
     of_reference: IntArray  # (n, m): reference of each channel; -1 without
 
 
-class Carried(NamedTuple):
+class ArcIntegers(NamedTuple):
     """What arcs make of the answers of their epochs, (n, b, m) each."""
 
     cycles: IntArray
@@ -27,7 +27,7 @@ class Carried(NamedTuple):
     chance: FloatArray  # that the integer is wrong
 
 
-def carry(answers: Answers, *, causal: bool = False) -> Carried:
+def carry(answers: Answers, *, causal: bool = False) -> ArcIntegers:
     """Give every link of an arc the integer of the arc's surest epoch.
 
     Parameters
@@ -41,7 +41,7 @@ def carry(answers: Answers, *, causal: bool = False) -> Carried:
         By the references of the epochs; what other epochs say is re-expressed.
     """
     shape = answers.cycles.shape
-    out = Carried(np.zeros(shape, dtype=np.int64), np.full(shape, -1), np.ones(shape))
+    out = ArcIntegers(np.zeros(shape, dtype=np.int64), np.full(shape, -1), np.ones(shape))
     epoch, channel = np.nonzero(answers.of_reference >= 0)
     pairs = np.unique(np.c_[channel, answers.of_reference[epoch, channel]], axis=0)
     for i in range(shape[1]):
@@ -81,12 +81,14 @@ def _surest_so_far(cycles: IntArray, wrong: FloatArray) -> tuple[IntArray, Float
     return surest, np.minimum(1.0, np.maximum(2.0 * np.minimum(count * least, mean), opposed))
 
 
-def chance_of_epochs(carried: Carried, continues: BoolArray) -> tuple[FloatArray, IntArray]:
+def chance_of_epochs(
+    arc_integers: ArcIntegers, continues: BoolArray
+) -> tuple[FloatArray, IntArray]:
     """Return the chance that an epoch is wrong anywhere, (n,), and how many epochs it rests on."""
     n = len(continues)
     epoch = np.nonzero(continues)[0]
-    both, at = np.unique(epoch * n + carried.source[continues], return_inverse=True)
+    both, at = np.unique(epoch * n + arc_integers.source[continues], return_inverse=True)
     worst = np.zeros(len(both))
-    np.maximum.at(worst, at, carried.chance[continues])
+    np.maximum.at(worst, at, arc_integers.chance[continues])
     chance = np.bincount(both // n, worst, n)
     return np.minimum(1.0, chance), np.bincount(both // n, minlength=n)

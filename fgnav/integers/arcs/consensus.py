@@ -12,7 +12,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray, IntArray
 
-_FEWEST = 2.0  # votes ahead of all others: wrong integers seldom agree
+_MINIMUM = 2.0  # votes ahead of all others: wrong integers seldom agree
 _MOST = 20.0  # so many displace it after a slip that nobody noticed
 
 
@@ -58,7 +58,7 @@ def _so_far(arc: IntArray, cycles: IntArray, votes: FloatArray) -> Consensus:
         new = (arc[k] >= 0) & (arc[k] != last)
         last = np.where(new, arc[k], last)
         ahead[new], agreed[new] = 0.0, False
-        agreed |= ahead >= _FEWEST
+        agreed |= ahead >= _MINIMUM
         out.cycles[k], out.agreed[k] = named, agreed & (arc[k] >= 0)
         lead = ahead + np.where(cycles[k] == named, votes[k], -votes[k])
         named, agreed = np.where(lead < 0.0, cycles[k], named), agreed & (lead > 0.0)

@@ -24,7 +24,10 @@ def reported_arcs(
     antennas : tuple of str
         Names, the reference first.
     """
-    log_odds, source = _log_odds(integers), integers.source
+    wrong, source = integers.wrong_probability, integers.source
+    if wrong is not None:
+        wrong = wrong.clip(1e-300, 1 - 1e-16)
+    log_odds = None if wrong is None else np.log1p(-wrong) - np.log(wrong)  # that they are right
     out = []
     for i, j in np.argwhere(integers.fixed.any(axis=0)).tolist():
         rows = np.flatnonzero(integers.fixed[:, i, j])
@@ -44,14 +47,6 @@ def reported_arcs(
                 )
             )
     return tuple(out)
-
-
-def _log_odds(integers: Integers) -> FloatArray | None:
-    """Return the log odds that epochs' integers are right, (n,)."""
-    if integers.wrong_probability is None:
-        return None
-    wrong = integers.wrong_probability.clip(1e-300, 1 - 1e-16)
-    return np.asarray(np.log1p(-wrong) - np.log(wrong))
 
 
 def _wrong(t_s: FloatArray, log_odds: FloatArray) -> float:

@@ -110,11 +110,11 @@ class Arcs:
         of_reference = np.ascontiguousarray(differences.reference[:, differences.group])
         resolved = answer.fixed | (differences.is_reference[:, None] & (differences.phase_m == 0))
         answers = Answers(answer.cycles, resolved, answer.wrong_probability, arc, of_reference)
-        carried = carry(answers, causal=self.causal)
+        arc_integers = carry(answers, causal=self.causal)
         links = phase_links(differences) & (of_reference >= 0)[:, None]
-        answered = links & (carried.source >= 0)
-        chance, sources = chance_of_epochs(carried, answered)
-        sure = answered & (carried.chance * sources[:, None, None] <= self.wrong_max)
+        answered = links & (arc_integers.source >= 0)
+        chance, sources = chance_of_epochs(arc_integers, answered)
+        sure = answered & (arc_integers.chance * sources[:, None, None] <= self.wrong_max)
         reasons = {
             WITHOUT_CODE: phase_links(differences) & ~np.isfinite(smooth.code_m),
             "no epoch of the arc could be resolved": links & np.isfinite(smooth.code_m) & ~answered,
@@ -123,7 +123,7 @@ class Arcs:
         handed_over = (one for one in answer.unused if one.what == HANDED_OVER)
         return Integers(
             resolver=self.name,
-            cycles=np.where(sure, carried.cycles, 0),
+            cycles=np.where(sure, arc_integers.cycles, 0),
             fixed=sure,
             ratio=answer.ratio,
             wrong_probability=np.where(answered.any(axis=(1, 2)), chance, 1.0),
@@ -151,11 +151,10 @@ def noise_as_shown(differences: DoubleDifferences, *, causal: bool = False) -> D
 
     Causal: each epoch's by epochs up to it alone.
     """
-    from fgnav.integers.array import noise  # noqa: PLC0415
+    from fgnav.integers.array.noise import with_estimated_noise  # noqa: PLC0415
     from fgnav.integers.resolvers.constrained import Constrained  # noqa: PLC0415
 
-    estimated = noise.with_noise_so_far if causal else noise.with_estimated_noise
-    return estimated(differences, Constrained().nodes)
+    return with_estimated_noise(differences, Constrained().nodes, causal=causal)
 
 
 _NOISE_SO_FAR = partial(noise_as_shown, causal=True)  # one object: resolvers with it are alike

@@ -49,18 +49,18 @@ class GivenIntegers:
         ----------
         code_variance_m2, phase_variance_m2 : ndarray, shape (n, m)
         """
-        N, rest = np.zeros((len(self.open_axis), 4, 4)), np.zeros(len(self.open_axis))
+        N, log_factor = np.zeros((len(self.open_axis), 4, 4)), np.zeros(len(self.open_axis))
         for group in self.groups:
             for kind, variance in enumerate((code_variance_m2, phase_variance_m2)):
                 normal, log_determinant = _normal(group, kind, variance[:, group.channels])
                 N += normal
-                rest -= 0.5 * log_determinant
+                log_factor -= 0.5 * log_determinant
         H = N[:, :3, :3] + self.open_axis
         size = np.trace(H, axis1=1, axis2=2)[:, None, None]
         H += _TANGENT * size * np.eye(3)
         turn_rad = np.linalg.solve(H, N[:, :3, 3:])[..., 0]
-        rest -= 0.5 * np.linalg.slogdet(H)[1]
-        return N[:, 3, 3] - np.sum(N[:, :3, 3] * turn_rad, axis=1), rest
+        log_factor -= 0.5 * np.linalg.slogdet(H)[1]
+        return N[:, 3, 3] - np.sum(N[:, :3, 3] * turn_rad, axis=1), log_factor
 
 
 def given_integers(
@@ -79,11 +79,11 @@ def given_integers(
     baselines_n_m = arrays.coordinates_m[arrays.pattern] @ M
     cycles_m = differences.wavelength_m * cycles
     range_m = differences.ranges_m(baselines_n_m)
-    turned_m = -np.cross(baselines_n_m[:, :, None], differences.e_n[:, None])  # by turns
+    by_rotation_m = -np.cross(baselines_n_m[:, :, None], differences.e_n[:, None])  # by turns
     parts = []
     for measured in (differences.code_m, differences.phase_m - cycles_m):
         residual_m = np.where(differences.resolvable, measured - range_m, 0.0)
-        parts.append(np.concatenate([turned_m, residual_m[..., None]], axis=3))
+        parts.append(np.concatenate([by_rotation_m, residual_m[..., None]], axis=3))
     values = np.stack(parts)
     groups = [_group(differences, values, g) for g in range(differences.reference.shape[1])]
     line = (arrays.rank[arrays.pattern] == 1)[:, None, None]

@@ -25,8 +25,7 @@ from fgnav.integers.array.walk import (
 )
 from fgnav.integers.ils.array_model import LinkArrays, Spans
 from fgnav.integers.ils.decorrelation import decorrelate
-from fgnav.integers.ils.float_solution import FloatSolution
-from fgnav.integers.ils.link_weights import solved
+from fgnav.integers.ils.float_solution import FloatSolution, solve_symmetric
 from fgnav.kernels.compiled import kernel
 
 PROVEN, NOTHING, UNPROVEN, UNFINISHED, ILL = range(5)  # how an epoch can end
@@ -188,7 +187,7 @@ def _model(relaxed: FloatSolution, T: FloatArray) -> tuple[_Model, FloatArray]:
                     gain[c, i] += relaxed.gain[c, j] * T[i, j]
     for c in range(u):
         identity[c, c] = 1.0
-    covariance = solved(relaxed.information, identity)
+    covariance = solve_symmetric(relaxed.information, identity)
     variance = 0.0
     for c in range(u):
         variance += covariance[c, c]

@@ -53,8 +53,8 @@ class Likelihood:
             Degrees of freedom of an epoch's own scale: the larger, the more alike epochs are.
         """
         of_links = code_variance_m2[self.epoch], phase_variance_m2[self.epoch]
-        cost, rest = self.given.log_likelihoods(*of_links)
-        each = rest - 0.5 * (roughness + self.degrees) * np.log1p(cost / roughness)
+        cost, log_factor = self.given.log_likelihoods(*of_links)
+        each = log_factor - 0.5 * (roughness + self.degrees) * np.log1p(cost / roughness)
         return float(np.logaddexp.reduceat(each, self._first).sum()) if len(each) else 0.0
 
 

@@ -10,7 +10,7 @@ from fgnav.checks import FloatArray
 from fgnav.geometry.rotation_kernel import exp, product, transposed
 from fgnav.integers.array.nearest_direction import nearest_direction
 from fgnav.integers.array.principal_axes import principal_axes
-from fgnav.integers.ils.link_weights import solved
+from fgnav.integers.ils.float_solution import solve_symmetric
 from fgnav.kernels.compiled import kernel
 
 _STEPS = 20
@@ -58,9 +58,9 @@ def nearest(
             if distance[i] < distance[nearest_start]:
                 nearest_start = i
         distance[nearest_start] = np.inf
-        trial_cost, turned = _descend(starts[nearest_start], columns, information)
+        trial_cost, rotated = _descend(starts[nearest_start], columns, information)
         if trial_cost < best:
-            best, M = trial_cost, turned
+            best, M = trial_cost, rotated
     return best, M
 
 
@@ -91,7 +91,7 @@ def _start(columns: FloatArray, axis: FloatArray, start: int) -> FloatArray:
     if start < 4:
         upright, turn_rad = orthonormal(columns), np.zeros(3)
         _add(turn_rad, 0.5 * np.pi * start, upright[:3])
-        return _turned(upright, turn_rad)
+        return _rotated(upright, turn_rad)
     sign = 2.0 * start - 9.0
     out = columns.copy()
     along = np.zeros(len(columns) // 3)
@@ -135,13 +135,19 @@ def log_volume(M: FloatArray, information: FloatArray) -> float:
     Two angles for one column, three for more: the log volume of a Gaussian around M, without the
     powers of 2 pi that all candidates share.
     """
-    J = tangent(M)
-    H = normal_matrix(J, information)
+    H = normal_matrix(tangent(M), information)
+    return half_log_determinant(H, np.zeros(len(H)))
+
+
+@kernel
+def half_log_determinant(H: FloatArray, smallest: FloatArray) -> float:
+    """Return minus half the log determinant of a matrix, spoilt, with pivots of a least size."""
     logarithm = 0.0
     for i in range(len(H)):
-        logarithm += np.log(H[i, i])
+        pivot = max(H[i, i], smallest[i])
+        logarithm += np.log(pivot)
         for j in range(i + 1, len(H)):
-            factor = H[i, j] / H[i, i]
+            factor = H[i, j] / pivot
             for c in range(j, len(H)):
                 H[j, c] -= factor * H[i, c]
     return -0.5 * logarithm
@@ -244,11 +250,11 @@ def _descend(
         step = _newton_step(J, information, residual)
         gained = False
         for _ in range(_HALVINGS):
-            turned = _turned(M, step)
-            trial_cost = _distance(turned, columns, information)
+            rotated = _rotated(M, step)
+            trial_cost = _distance(rotated, columns, information)
             if trial_cost <= cost:
                 gained = cost - trial_cost > _EXACT
-                cost, M = trial_cost, turned
+                cost, M = trial_cost, rotated
                 break
             _add(step, -0.6, step)
         if not gained:
@@ -264,10 +270,10 @@ def _newton_step(J: FloatArray, information: FloatArray, residual: FloatArray) -
         row = _dot(information[i], residual)
         for c in range(3):
             g[c] -= J[i, c] * row
-    return solved(H, g.reshape(3, 1)).reshape(3)
+    return solve_symmetric(H, g.reshape(3, 1)).reshape(3)
 
 
 @kernel
-def _turned(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
+def _rotated(M: FloatArray, turn_rad: FloatArray) -> FloatArray:
     """Turn every column about the axes of ``n``."""
     return product(M.reshape(len(M) // 3, 3), transposed(exp(turn_rad))).reshape(len(M))

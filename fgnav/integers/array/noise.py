@@ -24,7 +24,7 @@ from fgnav.integers.ils.array_model import spans
 from fgnav.kernels.one_thread import one_thread
 from fgnav.types.differences import DoubleDifferences
 
-_ENOUGH = 30  # epochs
+_SUFFICIENT = 30  # epochs
 _RENEWED = 4  # times as many epochs tell standard deviations twice as well
 _SAMPLE = 200  # epochs, spread evenly: variance factors to 3 %
 _LINKS = 3000  # double differences in a sample are enough; larger arrays get by with fewer epochs
@@ -61,7 +61,9 @@ class _Sample(NamedTuple):
         return replace(self.differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
-def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
+def with_estimated_noise(
+    differences: DoubleDifferences, nodes: int, *, causal: bool = False
+) -> DoubleDifferences:
     """Return the same differences with code and phase variances as large as the data show.
 
     As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
@@ -71,35 +73,23 @@ def with_estimated_noise(differences: DoubleDifferences, nodes: int) -> DoubleDi
     ----------
     nodes : int
         What the search of an epoch may visit.
+    causal : bool
+        Each epoch's variances by epochs up to it alone: renewed when there are 30, 120, 480, ...
     """
     rows = _of_array(differences)
-    if len(rows) < _ENOUGH:
+    if len(rows) < _SUFFICIENT:
         return differences
-    all_epochs = _sample(differences, rows)
-    sample = all_epochs.at(_picked(differences, rows))
-    return all_epochs.with_law(_of_mean(*_typical(sample, min(nodes, _NODES), np.array(_CALM))))
-
-
-def with_noise_so_far(differences: DoubleDifferences, nodes: int) -> DoubleDifferences:
-    """Return the same, each epoch's variances by epochs up to it alone.
-
-    As stated until 30 epochs have links; renewed when there are four times as many, and again.
-    """
-    rows = _of_array(differences)
-    code_m2 = differences.code_variance_m2.copy()
-    phase_m2 = differences.phase_variance_m2.copy()
-    count, start = _ENOUGH, np.array(_CALM)
+    code_m2, phase_m2 = differences.code_variance_m2.copy(), differences.phase_variance_m2.copy()
+    count, start = _SUFFICIENT if causal else len(rows), np.array(_CALM)
     while count <= len(rows):
         past = rows[:count]
         all_epochs = _sample(differences, past)
         sample = all_epochs.at(_picked(differences, past))
-        law, enough = _typical(sample, min(nodes, _NODES), start)
-        later, variances = (
-            slice(int(past[-1]), None),
-            all_epochs.variances_m2(_of_mean(law, enough)),
-        )
+        law, is_determined = _typical(sample, min(nodes, _NODES), start)
+        later = slice(int(past[-1]) if causal else 0, None)
+        variances = all_epochs.variances_m2(_of_mean(law, is_determined))
         code_m2[later], phase_m2[later] = (part[later] for part in variances)
-        count, start = _RENEWED * count, law if enough else np.array(_CALM)
+        count, start = _RENEWED * count, law if is_determined else np.array(_CALM)
     return replace(differences, code_variance_m2=code_m2, phase_variance_m2=phase_m2)
 
 
@@ -121,7 +111,7 @@ def _sample(differences: DoubleDifferences, rows: IntArray) -> _Sample:
 def _picked(differences: DoubleDifferences, rows: IntArray) -> IntArray:
     """Return as many of some epochs, (k,), as suffice, spread evenly."""
     links = differences.resolvable[rows].sum(axis=(1, 2)).mean()
-    many = int(np.clip(_LINKS / links, _ENOUGH, _SAMPLE))
+    many = int(np.clip(_LINKS / links, _SUFFICIENT, _SAMPLE))
     return rows[np.linspace(0, len(rows) - 1, min(many, len(rows))).astype(np.int64)]
 
 
@@ -133,7 +123,7 @@ def _typical(sample: _Sample, nodes: int, start: FloatArray) -> tuple[FloatArray
     law = start
     for _ in range(_ROUNDS):
         likelihood = likelihood_of(sample.with_law(law), nodes)
-        if likelihood.epochs < _ENOUGH:
+        if likelihood.epochs < _SUFFICIENT:
             return law, False
         last, law = law, _most_likely(sample, likelihood, law)
         if np.abs(law - last).max() < _SETTLED:
@@ -141,9 +131,9 @@ def _typical(sample: _Sample, nodes: int, start: FloatArray) -> tuple[FloatArray
     return law, True
 
 
-def _of_mean(law: FloatArray, enough: bool) -> FloatArray:
+def _of_mean(law: FloatArray, is_determined: bool) -> FloatArray:
     """Return the law of the mean of the epochs' variances; not below the stated if unsure."""
-    if not enough:
+    if not is_determined:
         return np.asarray(np.maximum(law, 0.0))
     of_mean = np.log(_ROUGHNESS / (_ROUGHNESS - 2.0))
     return np.asarray(law + of_mean * np.array([1.0, 0.0, 1.0, 0.0]))

@@ -7,35 +7,15 @@ plus a reach within which candidates still count against the best. What is retur
 the minimum, and the posterior misses no candidate within that reach.
 """
 
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
 from fgnav.checks import FloatArray, IntArray
-from fgnav.integers.array.kernel import (
-    ILL,
-    NOTHING,
-    PROVEN,
-    UNFINISHED,
-    UNPROVEN,
-    Found,
-    nothing_found,
-    search_epochs,
-)
-from fgnav.integers.ils.array_model import LinkArrays, Spans, link_arrays, spans
+from fgnav.integers.array.kernel import Found, nothing_found, search_epochs
+from fgnav.integers.ils.array_model import Spans, link_arrays, spans
 from fgnav.types.differences import DoubleDifferences
-
-__all__ = [
-    "ILL",
-    "NOTHING",
-    "PROVEN",
-    "UNFINISHED",
-    "UNPROVEN",
-    "ConstrainedSearch",
-    "search_constrained",
-    "searched",
-]
 
 # Chance that the true integers cost more. They are then missed, whatever is found instead: of two
 # antennas under 7 satellites, 480,000 sets, 111 of those accepted were wrong with 104.0 expected
@@ -45,9 +25,8 @@ _FIRST_BOUND = 1e-7
 _REACH = 25.0  # above the least cost a candidate weighs below exp(-12.5) = 4e-6
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class ConstrainedSearch:
-    """What the rigid array makes of every epoch."""
+class ConstrainedSearch(NamedTuple):
+    """Integers of least constrained cost of every epoch, and their chance to be wrong."""
 
     cycles: IntArray  # (n, b, m): of least constrained cost; 0 where nothing was found
     # Weighted square sum of the code and phase residuals of the best and the second-best integers,
@@ -60,23 +39,18 @@ class ConstrainedSearch:
     # attitudes around its optimum; minus infinity where there is none.
     log_evidence: FloatArray  # (n,)
     # ``PROVEN`` (nothing costs less), ``NOTHING`` (no link), ``UNPROVEN`` (the search was given up
-    # with what it had), ``UNFINISHED`` (with nothing), or ``ILL`` (covariance).
+    # with what it had), ``UNFINISHED`` (with nothing), or ``ILL`` (covariance), see ``kernel``.
     status: IntArray  # (n,)
     # Visited by the search, the attitude of a complete integer vector counted as 100.
     nodes: IntArray  # (n,)
     baselines_n_m: FloatArray  # (n, b, 3), by the best; 0 of an antenna that has no link
 
-    def rows(self, at: IntArray) -> "ConstrainedSearch":
-        """Return some of the epochs."""
-        parts = {field.name: getattr(self, field.name)[at] for field in fields(self)}
-        return ConstrainedSearch(**parts)
-
-    def with_rows(self, at: IntArray, rows: "ConstrainedSearch") -> "ConstrainedSearch":
+    def with_rows(self, at: IntArray, part: "ConstrainedSearch") -> "ConstrainedSearch":
         """Return all epochs, some of them replaced."""
-        parts = {field.name: getattr(self, field.name).copy() for field in fields(self)}
-        for name, part in parts.items():
-            part[at] = getattr(rows, name)
-        return ConstrainedSearch(**parts)
+        columns = [column.copy() for column in self]
+        for column, replaced in zip(columns, part, strict=True):
+            column[at] = replaced
+        return ConstrainedSearch._make(columns)
 
 
 def search_constrained(differences: DoubleDifferences, nodes: int) -> ConstrainedSearch:
@@ -128,14 +102,9 @@ def searched(
     """
     epochs = link_arrays(differences)
     arrays = spans(differences.baselines_b_m, np.any(epochs.resolvable, axis=2))
-    degrees = _cost_degrees(epochs, arrays)
+    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
+    degrees = np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0)
     bound = np.asarray(chdtri(np.maximum(degrees, 1), _FIRST_BOUND))  # of the cost, (n,)
     result = nothing_found(epochs.phase_m.shape, held=held, written=written)
     search_epochs(epochs, arrays, bound, result, reach, nodes, listed)
     return result, arrays, degrees
-
-
-def _cost_degrees(epochs: LinkArrays, arrays: Spans) -> IntArray:
-    """Return the degrees of freedom of true integers' cost, (n,)."""
-    open_angles = np.where(arrays.rank[arrays.pattern] == 1, 2, 3)
-    return np.asarray(np.maximum(2 * epochs.resolvable.sum(axis=(1, 2)) - open_angles, 0))

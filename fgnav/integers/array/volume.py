@@ -15,7 +15,7 @@ References
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav.integers.array.nearest import normal_matrix, tangent
+from fgnav.integers.array.nearest import half_log_determinant, normal_matrix, tangent
 from fgnav.integers.array.principal_axes import principal_axes
 from fgnav.kernels.compiled import kernel
 
@@ -115,15 +115,7 @@ def _log_curved_volume(M: FloatArray, columns: FloatArray, information: FloatArr
         flattest[i] = _FLATTEST * H[i, i]
     for u in range(0, len(M), 3):
         _add_bend(M, columns, information, u, H)
-    logarithm = 0.0
-    for i in range(3):
-        pivot = max(H[i, i], flattest[i])
-        logarithm += np.log(pivot)
-        for j in range(i + 1, 3):
-            factor = H[i, j] / pivot
-            for c in range(j, 3):
-                H[j, c] -= factor * H[i, c]
-    return -0.5 * logarithm
+    return half_log_determinant(H, flattest)
 
 
 @kernel

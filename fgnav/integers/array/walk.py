@@ -30,7 +30,7 @@ class Walk(NamedTuple):
     L: FloatArray  # (n, n)
     d: FloatArray  # (n,)
     z_float: FloatArray  # (n,)
-    turned: FloatArray  # (n, 3 r): how the columns move with a level's own gap
+    column_gain: FloatArray  # (n, 3 r): how the columns move with a level's own gap
     covariances: FloatArray  # (n, 3 r, 3 r): theirs, with the integers below the level real
     useful: BoolArray  # (n,): whether that is small enough for a look
 
@@ -96,11 +96,11 @@ def _set_levels(walk: Walk, gain: FloatArray, covariance: FloatArray) -> None:
                 walk.useful[k] = True
         for c in range(u):
             for j in range(k + 1):
-                walk.turned[k, c] += gain[c, j] * walk.L[k, j]
+                walk.column_gain[k, c] += gain[c, j] * walk.L[k, j]
         for c in range(u):
             for e in range(u):
                 walk.covariances[k, c, e] = covariance[c, e]
-                covariance[c, e] += walk.turned[k, c] * walk.d[k] * walk.turned[k, e]
+                covariance[c, e] += walk.column_gain[k, c] * walk.d[k] * walk.column_gain[k, e]
 
 
 @kernel
@@ -132,7 +132,7 @@ def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
     float
         The vector's squared norm.
     """
-    n, u = walk.turned.shape
+    n, u = walk.column_gain.shape
     k = walk.place[0]
     if k == _COMPLETE:
         k = 0
@@ -143,7 +143,7 @@ def next_vector(walk: Walk, bound: float, limit: int) -> tuple[int, float]:
         norm = walk.norm[k + 1] + gap * gap / walk.d[k]
         if norm < bound:
             for c in range(u):
-                walk.columns[k, c] = walk.columns[k + 1, c] + walk.turned[k, c] * gap
+                walk.columns[k, c] = walk.columns[k + 1, c] + walk.column_gain[k, c] * gap
             if k == 0:
                 walk.place[0] = _COMPLETE
                 return AT_VECTOR, norm

@@ -29,7 +29,7 @@ _LARGEST_TRANSFORM = 1e6  # 1e-10 of precision in the metric, and room for any c
 
 @kernel
 def decorrelate(
-    Q: FloatArray, carried: FloatArray
+    Q: FloatArray, transformed: FloatArray
 ) -> tuple[bool, FloatArray, FloatArray, FloatArray]:
     """Factor and reduce a covariance.
 
@@ -37,7 +37,7 @@ def decorrelate(
     ----------
     Q : ndarray, shape (n, n)
         Covariance; only its lower triangle is read.
-    carried : ndarray, shape (n, c)
+    transformed : ndarray, shape (n, c)
         Float ambiguities, or the identity; multiplied in place by the transform Z^T.
 
     Returns
@@ -52,7 +52,7 @@ def decorrelate(
         Integers; the rows turn z back into ambiguities, ``a = z @ T``.
     """
     n = len(Q)
-    before = carried.copy()
+    before = transformed.copy()
     U = np.empty((n, n))  # L^T: the rows that the reduction works on lie together in memory
     d, T = np.empty(n), np.empty((n, n))
     positive = False
@@ -60,12 +60,12 @@ def decorrelate(
         for i in range(n):
             for j in range(n):
                 T[i, j] = 1.0 if i == j else 0.0
-            for j in range(carried.shape[1]):
-                carried[i, j] = before[i, j]
-        positive = _factor(Q, U, d, carried, T)
+            for j in range(transformed.shape[1]):
+                transformed[i, j] = before[i, j]
+        positive = _factor(Q, U, d, transformed, T)
         if not positive:
             break
-        _reduce(U, d, carried, T, grown)
+        _reduce(U, d, transformed, T, grown)
         positive = _sound(T)
         if positive:
             break
@@ -86,7 +86,7 @@ def _sound(T: FloatArray) -> bool:
 
 @kernel
 def _factor(
-    Q: FloatArray, U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray
+    Q: FloatArray, U: FloatArray, d: FloatArray, transformed: FloatArray, T: FloatArray
 ) -> bool:
     """Set U = L^T in an upper triangle, and d; return whether Q is positive definite."""
     n = len(Q)
@@ -98,7 +98,7 @@ def _factor(
         best = _least_diagonal(U, i)
         if best != i:
             _exchange_rows(U, i, best)
-            _exchange_rows(carried, i, best)
+            _exchange_rows(transformed, i, best)
             _exchange_rows(T, i, best)
             d[i], d[best] = d[best], d[i]
             for j in range(i + 1):
@@ -131,7 +131,9 @@ def _exchange_rows(A: FloatArray, i: int, j: int) -> None:
 
 
 @kernel
-def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, grown: float) -> None:
+def _reduce(
+    U: FloatArray, d: FloatArray, transformed: FloatArray, T: FloatArray, grown: float
+) -> None:
     """Exchange neighbours while that lowers the variance that is searched first."""
     n = len(d)
     k = n - 2
@@ -143,7 +145,7 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, gr
             k -= 1
             continue
         if mu != 0.0:
-            _subtract(U, carried, T, k, k + 1)
+            _subtract(U, transformed, T, k, k + 1)
         eta, lam = d[k] / variance, d[k + 1] * slope / variance
         d[k], d[k + 1] = eta * d[k + 1], variance
         for j in range(k):
@@ -153,24 +155,24 @@ def _reduce(U: FloatArray, d: FloatArray, carried: FloatArray, T: FloatArray, gr
         U[k, k + 1] = lam
         for j in range(k + 2, n):
             U[k, j], U[k + 1, j] = U[k + 1, j], U[k, j]
-        _exchange_rows(carried, k, k + 1)
+        _exchange_rows(transformed, k, k + 1)
         _exchange_rows(T, k, k + 1)
         for j in range(k):
             if abs(U[j, k]) + abs(U[j, k + 1]) > grown:
                 for i in range(j + 1, n):
-                    _subtract(U, carried, T, j, i)
+                    _subtract(U, transformed, T, j, i)
         k = min(k + 1, n - 2)
 
 
 @kernel
-def _subtract(U: FloatArray, carried: FloatArray, T: FloatArray, k: int, i: int) -> None:
+def _subtract(U: FloatArray, transformed: FloatArray, T: FloatArray, k: int, i: int) -> None:
     """Reduce element i of row k by its nearest integer times row i."""
     mu = np.floor(U[k, i] + 0.5)
     if mu == 0.0:
         return
     for j in range(i, len(U)):
         U[k, j] -= mu * U[i, j]
-    for j in range(carried.shape[1]):
-        carried[k, j] -= mu * carried[i, j]
+    for j in range(transformed.shape[1]):
+        transformed[k, j] -= mu * transformed[i, j]
     for j in range(len(T)):
         T[i, j] += mu * T[k, j]

@@ -6,7 +6,6 @@ import numpy as np
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.integers.ils.array_model import LinkArrays, Spans, link_covariance, link_design
-from fgnav.integers.ils.link_weights import solved, weighed
 from fgnav.kernels.compiled import kernel
 
 _SINGULAR = 1e-9  # of a pivot to its diagonal: beyond, satellites lie in a plane or are too few
@@ -41,23 +40,24 @@ def float_solution(
         for c in range(u):
             A[i, c] = design[i, c]
         A[i, u] = epochs.code_m[k, links[i, 0], links[i, 1]]
-    weighted = weighed(links, epochs.code_variance_m2[k], epochs.phase_variance_m2[k], A)
+    code = solve_symmetric(link_covariance(links, epochs.code_variance_m2[k]), A)
+    phase = solve_symmetric(link_covariance(links, epochs.phase_variance_m2[k]), design)
     N, information = np.zeros((u, u)), np.zeros((u, u))
     right, gain = np.zeros((u, q + 1)), np.empty((u, q))
     constant = 0.0
     for i in range(q):
-        constant += weighted[0, i, u] * A[i, u]
+        constant += code[i, u] * A[i, u]
         for c in range(u):
             right[c, i] = A[i, c]
-            right[c, q] += weighted[0, i, c] * A[i, u]
-            gain[c, i] = weighted[1, i, c] * epochs.wavelength_m[links[i, 1]]
+            right[c, q] += code[i, c] * A[i, u]
+            gain[c, i] = phase[i, c] * epochs.wavelength_m[links[i, 1]]
             for d in range(u):
-                N[c, d] += weighted[0, i, c] * A[i, d]
-                information[c, d] += weighted[1, i, c] * A[i, d]
+                N[c, d] += code[i, c] * A[i, d]
+                information[c, d] += phase[i, c] * A[i, d]
     determined = _determined(N)
     for c in range(u):
         N[c, c] += multiplier
-    by_code = solved(N, right)
+    by_code = solve_symmetric(N, right)
     columns = np.empty(u)
     constant -= multiplier * arrays.rank[pattern]
     for c in range(u):
@@ -66,7 +66,7 @@ def float_solution(
         for d in range(u):
             information[c, d] += N[c, d]
     cycles, covariance = _ambiguities(epochs, k, links, A, columns, by_code)
-    gain = solved(information, gain)
+    gain = solve_symmetric(information, gain)
     return FloatSolution(
         links, cycles, covariance, constant, columns, gain, information, determined
     )
@@ -110,3 +110,25 @@ def _determined(N: FloatArray) -> bool:
             for c in range(i, len(U)):
                 U[i, c] -= factor * U[j, c]
     return True
+
+
+@kernel
+def solve_symmetric(S: FloatArray, B: FloatArray) -> FloatArray:
+    """Return ``S^-1 B``, S symmetric and positive definite; zeros of S between groups are free."""
+    q, width = B.shape
+    U, X = S.copy(), B.copy()
+    for j in range(q):
+        for i in range(j + 1, q):
+            factor = U[j, i] / U[j, j]
+            if factor != 0.0:
+                for c in range(i, q):
+                    U[i, c] -= factor * U[j, c]
+                for c in range(width):
+                    X[i, c] -= factor * X[j, c]
+    for j in range(q - 1, -1, -1):
+        for i in range(j + 1, q):
+            for c in range(width):
+                X[j, c] -= U[j, i] * X[i, c]
+        for c in range(width):
+            X[j, c] /= U[j, j]
+    return X

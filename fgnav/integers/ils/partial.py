@@ -1,11 +1,11 @@
 """Partial fixing: the integers that can be trusted."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fgnav.checks import BadInputError, BoolArray, IntArray, freeze
+from fgnav.checks import BadInputError, BoolArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.integers.ils.search import (
     NOT_POSITIVE,
@@ -19,20 +19,13 @@ from fgnav.integers.ils.search import (
 )
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class PartialFix:
+class PartialFix(NamedTuple):
     """A float solution, given integers of some combinations of its ambiguities."""
 
     combinations: IntArray  # (p, n): fixed combinations, one a row
     integers: IntArray  # (p,): their values
     success: float  # bootstrapped success rate of these: they are right at least as often
     fixed: BoolArray  # (n,): ambiguities that are integers now
-
-    def __post_init__(self) -> None:
-        """Check and freeze every field."""
-        p, n = self.combinations.shape
-        freeze("partial fix", self, {"combinations": (p, n), "integers": (p,)}, dtype=np.int64)
-        freeze("partial fix", self, {"fixed": (n,)}, dtype=np.bool_)
 
 
 def partial_integer_least_squares(

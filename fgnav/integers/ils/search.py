@@ -22,25 +22,6 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.integers.ils.decorrelation import decorrelate
 from fgnav.kernels.compiled import kernel
 
-__all__ = [
-    "ASYMMETRIC",
-    "NOT_FINITE",
-    "NOT_POSITIVE",
-    "OK",
-    "UNFINISHED",
-    "WITHOUT_LIMIT",
-    "checked_problem",
-    "decorrelate",
-    "fault",
-    "fixable",
-    "integer_least_squares",
-    "kernel",
-    "refused",
-    "search",
-    "solve",
-    "solve_subset",
-]
-
 OK, NOT_FINITE, ASYMMETRIC, NOT_POSITIVE, UNFINISHED = range(5)  # how a kernel ended
 WITHOUT_LIMIT = 2**62  # nodes: centuries
 
@@ -178,26 +159,26 @@ def solve_subset(
         Bootstrapped success rate of the fixed ones: a lower bound of that of the search.
     """
     n = len(a)
-    rounded, carried = np.empty(n), np.empty((n, 1))
+    rounded, transformed = np.empty(n), np.empty((n, 1))
     for i in range(n):
         rounded[i] = np.floor(a[i] + 0.5)
-        carried[i, 0] = a[i] - rounded[i]
+        transformed[i, 0] = a[i] - rounded[i]
     integers = np.zeros((candidates, n), dtype=np.int64)
     determined = np.zeros(n, dtype=np.bool_)
     status = fault(a, Q)
     if status != OK:
         return status, integers, np.zeros(candidates), determined, 0.0
-    positive, L, d, T = decorrelate(Q, carried)
+    positive, L, d, T = decorrelate(Q, transformed)
     if not positive:
         return NOT_POSITIVE, integers, np.zeros(candidates), determined, 0.0
     first, success = fixable(d, success_min)
     if first == n:
         return OK, integers, np.zeros(candidates), determined, 1.0
     if first > 0:
-        L, d, carried = L[first:, first:].copy(), d[first:].copy(), carried[first:].copy()
-    z_float = np.empty(len(carried))  # in one piece: else the search is compiled once more
-    for i in range(len(carried)):
-        z_float[i] = carried[i, 0]
+        L, d, transformed = L[first:, first:].copy(), d[first:].copy(), transformed[first:].copy()
+    z_float = np.empty(len(transformed))  # in one piece: else the search is compiled once more
+    for i in range(len(transformed)):
+        z_float[i] = transformed[i, 0]
     finished, vectors, squared_norms = search(L, d, z_float, candidates, limit)
     for j in range(n):
         determined[j] = True

@@ -15,15 +15,9 @@ from fgnav.integers.acceptance import (
     share_so_far,
     share_threshold,
 )
-from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
-from fgnav.integers.array.search import (
-    ILL,
-    PROVEN,
-    UNFINISHED,
-    UNPROVEN,
-    ConstrainedSearch,
-    search_constrained,
-)
+from fgnav.integers.array.kernel import ILL, PROVEN, UNFINISHED, UNPROVEN
+from fgnav.integers.array.noise import with_estimated_noise
+from fgnav.integers.array.search import ConstrainedSearch, search_constrained
 from fgnav.integers.identification import Residuals, exclude_links, touched, w_tests
 from fgnav.types.differences import DoubleDifferences
 from fgnav.types.flight import Flight
@@ -108,8 +102,7 @@ class Constrained:
                 "so no array constrains integers; state where they are, or take --integers lambda"
             )
         if self.estimate_noise:
-            estimated = with_noise_so_far if self.causal else with_estimated_noise
-            differences = estimated(differences, self.nodes)
+            differences = with_estimated_noise(differences, self.nodes, causal=self.causal)
         sets = _Sets(
             differences,
             search_constrained(differences, self.nodes),
@@ -150,19 +143,16 @@ class Constrained:
         if self.tail is not None:
             refused[f"residuals of the array above chi-square at {self.tail:g}"] = spoilt
         if self.wrong_max is not None:
-            reason, sure = self._sure(searched.wrong_probability, accepted, self.wrong_max)
+            wrong, sound = searched.wrong_probability, accepted.copy()
+            reason = f"integers too doubtful for a share of {self.wrong_max:g} wrong"
+            if self.causal:
+                reason, sure = f"{reason} so far", np.zeros(len(wrong), dtype=np.bool_)
+                sure[sound] = share_so_far(wrong[sound], self.wrong_max)
+            else:
+                sure = wrong <= -share_threshold(-wrong[sound], wrong[sound], self.wrong_max)
             refused[reason] = accepted & ~sure
             accepted = accepted & sure
         return accepted, refused
-
-    def _sure(self, wrong: FloatArray, sound: BoolArray, wrong_max: float) -> tuple[str, BoolArray]:
-        """Return why epochs are refused, and which, (n,), are sure enough."""
-        reason = f"integers too doubtful for a share of {wrong_max:g} wrong"
-        if self.causal:
-            sure = np.zeros(len(wrong), dtype=np.bool_)
-            sure[sound] = share_so_far(wrong[sound], wrong_max)
-            return f"{reason} so far", sure
-        return reason, wrong <= -share_threshold(-wrong[sound], wrong[sound], wrong_max)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -183,27 +173,29 @@ class _Sets:
         return np.asarray(proven & (chdtrc(np.maximum(searched.degrees, 1), cost) < tail))
 
     def w_tests(self, rows: IntArray) -> FloatArray:
-        part = self.differences.resampled(rows).without_code(self.without_links[rows])
+        selected = self.differences.resampled(rows).without_code(self.without_links[rows])
         baselines_n_m = self.searched.baselines_n_m[rows]
-        at_reference = np.where(part.is_reference[:, None] & (part.phase_m == 0), 0.0, np.nan)
-        range_m = part.ranges_m(baselines_n_m)
-        code_m = part.code_m - range_m
-        phase_m = part.phase_m - part.wavelength_m * self.searched.cycles[rows] - range_m
+        at_reference = np.where(
+            selected.is_reference[:, None] & (selected.phase_m == 0), 0.0, np.nan
+        )
+        range_m = selected.ranges_m(baselines_n_m)
+        code_m = selected.code_m - range_m
+        phase_m = selected.phase_m - selected.wavelength_m * self.searched.cycles[rows] - range_m
         measured = [
-            Residuals(np.where(part.resolvable, off_m, at_reference), variance_m2)
+            Residuals(np.where(selected.resolvable, off_m, at_reference), variance_m2)
             for off_m, variance_m2 in (
-                (code_m, part.code_variance_m2),
-                (phase_m, part.phase_variance_m2),
+                (code_m, selected.code_variance_m2),
+                (phase_m, selected.phase_variance_m2),
             )
         ]
-        return w_tests(part, measured, baselines_n_m)
+        return w_tests(selected, measured, baselines_n_m)
 
     def without(self, rows: IntArray, links: BoolArray) -> "_Sets":
         without_links = self.without_links.copy()
-        part = self.differences.resampled(rows)
-        without_links[rows] = touched(part, links)
-        part = part.without_code(without_links[rows])
-        searched = self.searched.with_rows(rows, search_constrained(part, self.resolver.nodes))
+        selected = self.differences.resampled(rows)
+        without_links[rows] = touched(selected, links)
+        selected = selected.without_code(without_links[rows])
+        searched = self.searched.with_rows(rows, search_constrained(selected, self.resolver.nodes))
         return replace(self, searched=searched, without_links=without_links)
 
 

@@ -14,8 +14,8 @@ GROUP = "fgnav.exporters"
 EXPORTERS = {
     "tum": "fgnav.io.exports.trajectories:write_tum",
     "pos": "fgnav.io.exports.trajectories:write_pos",
-    "kml": "fgnav.io.exports.maps:write_kml",
-    "gpx": "fgnav.io.exports.maps:write_gpx",
+    "kml": "fgnav.io.exports.trajectories:write_kml",
+    "gpx": "fgnav.io.exports.trajectories:write_gpx",
     "csv": "fgnav.io.exports.tables:write_csv",
     "parquet": "fgnav.io.exports.tables:write_parquet",
     "mcap": "fgnav.io.exports.mcap:write_mcap",
@@ -29,6 +29,11 @@ def exporter_named(name: str) -> Callable[[RecordedEstimate, Path], None]:
     ------
     BadInputError
         If there is none; the text lists what there is.
+
+    Examples
+    --------
+    >>> exporter_named("tum").__name__
+    'write_tum'
     """
     exporter: Callable[[RecordedEstimate, Path], None] = plugins.named(
         GROUP, EXPORTERS, name, kind="format"

@@ -20,7 +20,7 @@ from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.rotations import quaternion_wxyz
 from fgnav.io.atomic_write import atomic_file
 from fgnav.io.exports.recorded import RecordedEstimate
-from fgnav.io.exports.track import Track, track_of
+from fgnav.io.exports.trajectories import Track, track_of
 
 _ENU_OF_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
@@ -32,10 +32,9 @@ _Classes: TypeAlias = Mapping[str, Callable[..., Any]]  # of messages, which ros
 def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
     """Write ``/fgnav/odometry`` and ``/fgnav/fix``; epochs without a position are left out.
 
-    Raises
-    ------
-    BadInputError
-        If rosbags is not installed, or no epoch has a position.
+    Examples
+    --------
+    >>> write_mcap(fgnav.load_estimate("run"), Path("run.mcap"))
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer  # noqa: PLC0415  # lazy: an extra
@@ -45,7 +44,7 @@ def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
     types = get_typestore(Stores.ROS2_HUMBLE)
     track = track_of(recorded)
     stamps_ns = track.utc.astype("datetime64[ns]").astype(np.int64).tolist()
-    with atomic_file(path) as part, TemporaryDirectory(dir=part.parent) as scratch:
+    with atomic_file(path) as temporary, TemporaryDirectory(dir=temporary.parent) as scratch:
         bag = Path(scratch) / "bag"
         with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             for topic, messages in (
@@ -55,9 +54,9 @@ def write_mcap(recorded: RecordedEstimate, path: Path) -> None:
                 first, *rest = messages
                 kind = first.__msgtype__
                 connection = writer.add_connection(topic, kind, typestore=types)
-                for at_ns, one in zip(stamps_ns, (first, *rest), strict=True):
-                    writer.write(connection, at_ns, types.serialize_cdr(one, kind))
-        shutil.copyfile(next(bag.glob("*.mcap")), part)
+                for at_ns, message in zip(stamps_ns, (first, *rest), strict=True):
+                    writer.write(connection, at_ns, types.serialize_cdr(message, kind))
+        shutil.copyfile(next(bag.glob("*.mcap")), temporary)
 
 
 def _header(make: _Classes, at_ns: int, frame: str) -> Any:  # noqa: ANN401
@@ -94,8 +93,8 @@ def _odometry(track: Track, stamps_ns: list[int], make: _Classes) -> Iterator[An
     )
     vector, point = make["geometry_msgs/msg/Vector3"], make["geometry_msgs/msg/Point"]
     for at_ns, p, q, spread, v, w, spread_v in zip(stamps_ns, *columns, strict=True):
-        turn = make["geometry_msgs/msg/Quaternion"](w=q[0], x=q[1], y=q[2], z=q[3])
-        pose = make["geometry_msgs/msg/Pose"](position=point(*p), orientation=turn)
+        orientation = make["geometry_msgs/msg/Quaternion"](w=q[0], x=q[1], y=q[2], z=q[3])
+        pose = make["geometry_msgs/msg/Pose"](position=point(*p), orientation=orientation)
         twist = make["geometry_msgs/msg/Twist"](linear=vector(*v), angular=vector(*w))
         yield make["nav_msgs/msg/Odometry"](
             header=_header(make, at_ns, "map"),

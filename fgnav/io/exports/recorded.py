@@ -19,7 +19,7 @@ _FORMAT = "fgnav estimate 2"
 
 
 class _Head(msgspec.Struct, kw_only=True):
-    """What is no array; names of ``Estimate`` are its own."""
+    """Fields that are no arrays; those of ``Estimate`` have its names."""
 
     format: str
     flight: str
@@ -44,6 +44,11 @@ class RecordedEstimate:
     start_gps_s: float  # GPS time of ``t_s = 0``, s since 1980-01-06
     origin: Origin  # of the frame ``n``
     estimate: Estimate
+
+
+def _plain(value: object) -> str | float:
+    """Return a message as its text, a number of NumPy's as one of Python's."""
+    return str(value) if isinstance(value, str) else float(value)  # type: ignore[arg-type]
 
 
 def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
@@ -81,10 +86,10 @@ def save_estimate(estimate: Estimate, flight: Flight, path: Path | str) -> None:
     values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
     arrays = {name: value for name, value in values.items() if isinstance(value, np.ndarray)}
     content: dict[str, Any] = {
-        "head": np.array(msgspec.json.encode(head, enc_hook=str).decode()),
+        "head": np.array(msgspec.json.encode(head, enc_hook=_plain).decode()),
         **arrays,
     }
-    with atomic_file(Path(path)) as part, part.open("wb") as file:
+    with atomic_file(Path(path)) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **content)
 
 

@@ -85,22 +85,16 @@ def columns_to_vectors(table: Samples, names: tuple[str, ...]) -> FloatArray:
 def stated_sigma(
     where: Path | str, samples: Mapping[str, FloatArray], names: tuple[str, ...]
 ) -> FloatArray | None:
-    """Return standard deviations, (k, c); None where the samples have none.
-
-    Raises
-    ------
-    BadInputError
-        If one is not positive.
-    """
+    """Return standard deviations, (k, c); None where the samples have none."""
     if names[0] not in samples:
         return None
     sigma = columns_to_vectors(samples, names)
     wrong = sigma < LEAST_SIGMA
     if wrong.any():
-        row, column = np.argwhere(wrong)[0]
+        index, column = np.argwhere(wrong)[0]
         raise BadInputError(
-            f"{where}: line {row + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
-            f"got {sigma[row, column]:.9g}"
+            f"{where}: line {index + 2}: {names[column]} must be {LEAST_SIGMA:g} or more, "
+            f"got {sigma[index, column]:.9g}"
         )
     return sigma
 
@@ -108,7 +102,7 @@ def stated_sigma(
 def fault_of_columns(
     names: Sequence[str], required: Sequence[str], groups: Sequence[Sequence[str]]
 ) -> str:
-    """Return what is wrong with a table's columns; nothing of a table that may be.
+    """Return the fault of a table's columns; nothing of a table that may be.
 
     Parameters
     ----------

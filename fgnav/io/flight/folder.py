@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, Unused, unused_of
+from fgnav.checks import BadInputError, FloatArray, Unused, unused_of
 from fgnav.geometry.earth import Origin
 from fgnav.io.antennas import merge
 from fgnav.io.atomic_write import atomic_folder
@@ -15,17 +15,22 @@ from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight import writer as flight_writer
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.series import Surroundings, read_record
-from fgnav.io.flight.times import check_times
 from fgnav.io.flight.toml import FlightTable, GnssTable, VehicleTable
 from fgnav.io.rinex.reader import read_rinex
 from fgnav.io.rinex.writer import RinexVersion
-from fgnav.io.sp3.reader import read_precise
+from fgnav.io.sp3 import read_precise
 from fgnav.io.toml_writer import write_toml
 from fgnav.types.flight import Antenna, Base, Flight, GnssNoise, InitialAttitude
 from fgnav.types.instruments import filled
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 from fgnav.types.vehicle import FinnedVehicle, WheeledVehicle
+
+# What is a day apart was not recorded on one flight.
+_LONGEST_S = 86_400.0
+# Samples that gaps may lack at a series' own rate, beyond as many as were recorded: 0.3 GB of
+# rotations when they are filled.
+_MOST_MISSING = 1_000_000
 
 
 def load_flight(path: Path | str) -> Flight:
@@ -58,7 +63,7 @@ def load_flight(path: Path | str) -> Flight:
     start_gps_s = flight_toml.gps_seconds(toml, table.start)
     try:
         flight = _flight(toml.parent, table, start_gps_s)
-        check_times(flight)
+        _check_times(flight)
         return replace(flight, unused=(*flight.unused, *_row_losses(toml, table, flight)))
     except BadInputError as error:
         if str(error).startswith(str(toml.parent)):
@@ -67,13 +72,7 @@ def load_flight(path: Path | str) -> Flight:
 
 
 def files_of(path: Path | str) -> tuple[Path, ...]:
-    """Return the files that a flight is made of, its ``flight.toml`` first.
-
-    Raises
-    ------
-    BadInputError
-        If there is no such flight, or its ``flight.toml`` breaks a rule.
-    """
+    """Return the files that a flight is made of, its ``flight.toml`` first."""
     toml = _toml(Path(path))
     table = flight_toml.read_flight_toml(toml)
     names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
@@ -153,9 +152,7 @@ def _row_losses(toml: Path, table: FlightTable, flight: Flight) -> tuple[Unused,
 
 def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
     origin = Origin(**values_of(table.origin, Origin))
-
-    antennas = tuple(one.name for one in table.antenna)
-    at = Surroundings(folder, origin, antennas)
+    at = Surroundings(folder, origin, tuple(antenna.name for antenna in table.antenna))
     fixes = tuple(read_record("fixes", keys, at) for keys in table.fixes)
     single = {
         kind: read_record(kind, keys, at)
@@ -163,18 +160,16 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         if (keys := getattr(table, kind)) is not None
     }
     at = replace(at, fixes=fixes)
-    gnss = table.gnss
+    gnss, initial = table.gnss, table.initial
     orbits = [folder / name for name in gnss.orbits]
     precise = read_precise(orbits, start_gps_s) if orbits else None
     broadcast, observations, base = _rinex(folder, table, start_gps_s)
-    unused: list[Unused] = []
-    for part in (observations, base.observations if base else None, broadcast, precise):
-        unused += part.unused if part is not None else ()
+    files = (observations, base.observations if base else None, broadcast, precise)
     return Flight(
         name=table.name,
         start_gps_s=start_gps_s,
         origin=origin,
-        antennas=tuple(Antenna(**values_of(one, Antenna)) for one in table.antenna),
+        antennas=tuple(Antenna(**values_of(keys, Antenna)) for keys in table.antenna),
         observations=observations,
         broadcast=broadcast,
         precise=precise,
@@ -186,11 +181,9 @@ def _flight(folder: Path, table: FlightTable, start_gps_s: float) -> Flight:
         **single,
         vehicle=_vehicle(table.vehicle) if table.vehicle else None,
         standstill=table.vehicle is not None and table.vehicle.standstill,
-        initial=InitialAttitude(**values_of(table.initial, InitialAttitude))
-        if table.initial
-        else None,
+        initial=InitialAttitude(**values_of(initial, InitialAttitude)) if initial else None,
         networks=networks.manifests(folder, table.network),
-        unused=tuple(unused),
+        unused=tuple(loss for file in files if file is not None for loss in file.unused),
     )
 
 
@@ -210,33 +203,66 @@ def _rinex(
     folder: Path, table: FlightTable, start_gps_s: float
 ) -> tuple[BroadcastOrbits | None, Observations | None, Base | None]:
     """Return messages, observations of antennas, and of the base."""
-    names = [antenna.name for antenna in table.antenna]
-    files = [antenna.observations for antenna in table.antenna if antenna.observations]
-    if files and len(files) < len(names):
-        lacking = next(antenna.name for antenna in table.antenna if not antenna.observations)
+    given = [antenna.observations for antenna in table.antenna if antenna.observations]
+    lacking = [antenna.name for antenna in table.antenna if not antenna.observations]
+    if given and lacking:
         raise BadInputError(
-            f"antenna {lacking}: observations must be given for all antennas or for none"
+            f"antenna {lacking[0]}: observations must be given for all antennas or for none"
         )
     base = table.gnss.base
-    paths = [folder / name for name in (*files, *([base.observations] if base else []))]
-    if base and not files:
+    if base and not given:
         raise BadInputError("key gnss.base: needs antennas with observations, there are none")
+    paths = [folder / file for file in (*given, *([base.observations] if base else []))]
     messages = [folder / name for name in table.gnss.navigation]
     broadcast, receivers = read_rinex(messages, paths, start_gps_s, table.gnss.signals)
-    if not files:
+    if not given:
         return broadcast, None, None
-    observations = merge(receivers[: len(files)], names)
-    if base is None:
-        return broadcast, observations, None
-    position_e_m = np.array(base.position_e_m)
-    return (broadcast, observations, Base(position_e_m=position_e_m, observations=receivers[-1]))
+    names = [antenna.name for antenna in table.antenna]
+    observations, station = merge(receivers[: len(given)], names), None
+    if base is not None:
+        position_e_m = np.array(base.position_e_m)
+        station = Base(position_e_m=position_e_m, observations=receivers[-1])
+    return broadcast, observations, station
 
 
 def _gnss_noise(gnss: GnssTable) -> GnssNoise:
-    stated = {
-        "code_m": gnss.code_noise_m,
-        "phase_m": gnss.phase_noise_m,
-        "doppler_mps": gnss.doppler_noise_mps,
-    }
-    usual = {name: getattr(GnssNoise(), name) for name in stated}
+    stated = {field: getattr(gnss, key) for key, field in flight_toml.GNSS_NOISE.items()}
+    usual = {field: getattr(GnssNoise(), field) for field in stated}
     return GnssNoise(**filled(stated, usual), **values_of(gnss, GnssNoise))
+
+
+def _check_times(flight: Flight) -> None:
+    """Raise where a series has a gap, or lies apart from the GNSS record, as no flight's does."""
+    series = {name: one.t_s for name, one in flight.records.items()}
+    if flight.observations is not None:
+        series["observations"] = flight.observations.t_s
+    for name, t_s in series.items():
+        _check_gaps(name, t_s)
+    gnss = next((name for name in series if name.startswith("fixes")), "")
+    gnss = "observations" if flight.observations is not None else gnss
+    if not gnss:
+        return
+    first_s, last_s = series[gnss][[0, -1]]
+    for name, t_s in series.items():
+        separation_s = max(float(first_s - t_s[-1]), float(t_s[0] - last_s))
+        if separation_s > _LONGEST_S:
+            span = f"{first_s:.9g} to {last_s:.9g} s"
+            raise BadInputError(
+                f"{name}: times from {t_s[0]:.9g} to {t_s[-1]:.9g} s lie {separation_s:.9g} s "
+                f"apart from those of {gnss}, {span}; look at start, and at the week number"
+            )
+
+
+def _check_gaps(name: str, t_s: FloatArray) -> None:
+    step_s = np.diff(t_s)
+    if not len(step_s):
+        return
+    usual_s = float(np.median(step_s))
+    missing = (t_s[-1] - t_s[0]) / usual_s - len(step_s)
+    k = int(np.argmax(step_s))
+    if step_s[k] > _LONGEST_S or missing > max(len(t_s), _MOST_MISSING):
+        raise BadInputError(
+            f"{name}: row {k + 2} of the samples has {t_s[k + 1]:.9g} s after {t_s[k]:.9g} s, a "
+            f"gap of {missing:.3g} samples of {usual_s:.3g} s in all; mend the time stamp, or "
+            "split the flight there"
+        )

@@ -1,7 +1,6 @@
 """True integers of a flight as CSV: one row per arc of a link."""
 
 import csv
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,33 +24,22 @@ def write_integers(path: Path, integers: LinkIntegers) -> None:
 
 
 def read_integers(path: Path) -> LinkIntegers:
-    """Read integers.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
-    """
+    """Read integers."""
     text = read_bytes(path, is_text=True).decode("utf-8", "replace").replace("\r\n", "\n")
     lines = text.split("\n")
     if lines.pop():
         raise BadInputError(
             f"{path}: must end with a line end, the last line is cut; take the file again"
         )
-    for line, content in enumerate(lines, start=1):
-        if not content.isprintable():
-            raise BadInputError(f"{path}: line {line}: must be plain text, got {quoted(content)}")
     try:
-        header, *rows = list(csv.reader(lines, strict=True)) or [[]]
-        _check(header, rows)
-        columns = list(zip(*rows, strict=True)) or [()] * len(COLUMNS)
-        numbers = [np.array(column, np.float64) for column in columns[3:]]
+        rows = [_row(number, line) for number, line in enumerate(lines or [""], start=1)]
+        columns = list(zip(*rows[1:], strict=True)) or [()] * len(COLUMNS)
         return LinkIntegers(
             antennas=columns[0],
             satellites=columns[1],
             signals=columns[2],
-            from_s=numbers[0],
-            cycles=numbers[1],
+            from_s=np.array(columns[3], np.float64),
+            cycles=np.array(columns[4], np.float64),
         )
     except csv.Error as error:
         raise BadInputError(f"{path}: must be CSV, {error}") from None
@@ -59,16 +47,18 @@ def read_integers(path: Path) -> LinkIntegers:
         raise BadInputError(f"{path}: {error}") from None
 
 
-def _check(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Raise unless all rows have all columns, and finite numbers in the last two."""
-    names = ",".join(COLUMNS)
-    if tuple(header) != COLUMNS:
-        raise BadInputError(f"line 1: columns must be {names}, got {quoted(','.join(header))}")
-    for line, row in enumerate(rows, start=2):
-        if len(row) != len(COLUMNS):
-            raise BadInputError(f"line {line}: must have {len(COLUMNS)} columns, got {len(row)}")
-        for name, cell in zip(COLUMNS[3:], row[3:], strict=True):
-            if not (is_number(cell) and np.isfinite(float(cell))):
-                raise BadInputError(
-                    f"line {line}: {name} must be a finite number, got {quoted(cell)}"
-                )
+def _row(number: int, line: str) -> list[str]:
+    """Return the cells of a line: names in the first, finite numbers in the last two columns."""
+    if not line.isprintable():
+        raise BadInputError(f"line {number}: must be plain text, got {quoted(line)}")
+    row = next(csv.reader([line], strict=True), [])
+    if number == 1 and tuple(row) != COLUMNS:
+        raise BadInputError(f"line 1: columns must be {','.join(COLUMNS)}, got {quoted(line)}")
+    if len(row) != len(COLUMNS):
+        raise BadInputError(f"line {number}: must have {len(COLUMNS)} columns, got {len(row)}")
+    for name, cell in zip(COLUMNS[3:], row[3:], strict=True) if number > 1 else ():
+        if not (is_number(cell) and np.isfinite(float(cell))):
+            raise BadInputError(
+                f"line {number}: {name} must be a finite number, got {quoted(cell)}"
+            )
+    return row

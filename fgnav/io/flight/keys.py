@@ -12,7 +12,7 @@ _T = TypeVar("_T", bound=msgspec.Struct)
 def values_of(table: object, record: type[Any]) -> dict[str, Any]:
     """Return the values of a table that a record has fields for, as arrays and in radians."""
     values = {}
-    for name in (one.name for one in fields(record)):
+    for name in (field.name for field in fields(record)):
         degrees = f"{name.removesuffix('_rad')}_deg"
         if hasattr(table, name):
             value = getattr(table, name)

@@ -13,7 +13,14 @@ def place_to_n(origin: Origin, place: FloatArray) -> FloatArray:
 
 
 def place_of_n(origin: Origin, p_n_m: FloatArray) -> FloatArray:
-    """Return (k, 3) latitude deg, longitude deg, height m of local positions."""
+    """Return (k, 3) latitude deg, longitude deg, height m of local positions.
+
+    Examples
+    --------
+    >>> origin = Origin(latitude_rad=0.7, longitude_rad=0.1, height_m=500.0)
+    >>> place_of_n(origin, np.zeros((1, 3))).round(6)
+    array([[ 40.107046,   5.729578, 500.      ]])
+    """
     place = geodetic(origin.to_e(p_n_m))
     place[:, :2] = np.degrees(place[:, :2])
     return place

@@ -15,17 +15,11 @@ _ENDS = (".toml", ".json")
 
 
 def manifests(folder: Path, tables: Iterable[NetworkTable]) -> tuple[Path, ...]:
-    """Return the manifests that a flight's tables name.
-
-    Raises
-    ------
-    BadInputError
-        If one is not there, is no TOML or JSON by its name, or is named twice.
-    """
+    """Return the manifests that a flight's tables name."""
     paths: list[Path] = []
-    for row, table in enumerate(tables):
+    for number, table in enumerate(tables):
         path = folder / table.manifest
-        where = f"key network[{row}].manifest"
+        where = f"key network[{number}].manifest"
         if path.suffix not in _ENDS:
             raise BadInputError(
                 f"{where}: must be the name of a .toml or .json file, got {table.manifest!r}"

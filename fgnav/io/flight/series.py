@@ -1,36 +1,19 @@
-"""What a flight's records are read from, and written as: tables of samples, and their keys."""
+"""Records of a flight from tables of samples and their keys, and back."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from fgnav.checks import BadInputError, FloatArray, quoted
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import from_euler
+from fgnav.io.flight import columns as col
 from fgnav.io.flight.baselines import baseline_blocks, baseline_of
-from fgnav.io.flight.columns import (
-    BASELINE_GROUPS,
-    CALIBRATION,
-    CURRENTS,
-    EULER,
-    EULER_SIGMA,
-    FIELD,
-    FORCE,
-    HEIGHT,
-    PLACE,
-    POSITION_SIGMA,
-    RATE,
-    VELOCITY,
-    VELOCITY_SIGMA,
-    Block,
-    Samples,
-    columns_to_vectors,
-    stated_sigma,
-)
 from fgnav.io.flight.integers import read_integers
 from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.local_frame import (
@@ -52,46 +35,47 @@ from fgnav.types.instruments import (
 from fgnav.types.surroundings import Barometer, Magnetometer
 
 _Fields = Mapping[str, tuple[str, ...]]  # columns by a record's field
-_POSITION: _Fields = {"p_n_m": PLACE}
-_SIGMAS: _Fields = {"position_sigma_m": POSITION_SIGMA, "velocity_sigma_mps": VELOCITY_SIGMA}
+_POSITION: _Fields = {"p_n_m": col.PLACE}
+_SIGMAS: _Fields = {
+    "position_sigma_m": col.POSITION_SIGMA,
+    "velocity_sigma_mps": col.VELOCITY_SIGMA,
+}
 # Of each table: fields that it must have, and those that are there in full or not at all. Places go
 # before what refers to the axes there.
 FIELDS: Mapping[str, tuple[_Fields, _Fields]] = {
-    "imu": ({"f_b_mps2": FORCE}, {"w_b_radps": RATE}),
-    "fixes": (_POSITION, {"v_n_mps": VELOCITY, **_SIGMAS}),
-    "barometer": ({"height_m": HEIGHT}, {}),
-    "magnetometer": ({"field_b_ut": FIELD}, {}),
-    "photodetector": ({"currents": CURRENTS}, {}),
+    "imu": ({"f_b_mps2": col.FORCE}, {"w_b_radps": col.RATE}),
+    "fixes": (_POSITION, {"v_n_mps": col.VELOCITY, **_SIGMAS}),
+    "barometer": ({"height_m": col.HEIGHT}, {}),
+    "magnetometer": ({"field_b_ut": col.FIELD}, {}),
+    "photodetector": ({"currents": col.CURRENTS}, {}),
     "truth": (
-        {**_POSITION, "v_n_mps": VELOCITY, "R_nb": EULER},
-        {**_SIGMAS, "euler_sigma_rad": EULER_SIGMA},
+        {**_POSITION, "v_n_mps": col.VELOCITY, "R_nb": col.EULER},
+        {**_SIGMAS, "euler_sigma_rad": col.EULER_SIGMA},
     ),
 }
 # Of each table: the columns it must have, and groups that are there in full or not at all.
 COLUMNS: Mapping[str, tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]] = {
     kind: (("t_s", *chain(*required.values())), tuple(optional.values()))
     for kind, (required, optional) in FIELDS.items()
-} | {"baseline": (("t_s",), BASELINE_GROUPS)}
-# Between files and records: of an origin, places of the frame ``n``, and values.
-_TO_RECORD: Mapping[tuple[str, ...], Callable[[Origin, FloatArray, FloatArray], FloatArray]] = {
-    PLACE: lambda origin, _, place: place_to_n(origin, place),
-    VELOCITY: velocity_to_n,
-    EULER: attitude_to_n,
-    EULER_SIGMA: lambda _, __, sigma_deg: np.radians(sigma_deg),
-    HEIGHT: lambda _, __, height_m: height_m[:, 0],
+} | {"baseline": (("t_s",), col.BASELINE_GROUPS)}
+_Convert: TypeAlias = Callable[[Origin, FloatArray, FloatArray], FloatArray]
+# From files to records, and back: of an origin, places of the frame ``n``, and values.
+_CONVERSIONS: Mapping[tuple[str, ...], tuple[_Convert, _Convert]] = {
+    col.PLACE: (
+        lambda origin, _, place: place_to_n(origin, place),
+        lambda origin, _, p_n_m: place_of_n(origin, p_n_m),
+    ),
+    col.VELOCITY: (velocity_to_n, velocity_of_n),
+    col.EULER: (attitude_to_n, attitude_of_n),
+    col.EULER_SIGMA: (lambda _, __, x: np.radians(x), lambda _, __, x: np.degrees(x)),
+    col.HEIGHT: (lambda _, __, x: x[:, 0], lambda _, __, x: x[:, None]),
 }
-_TO_FILE: Mapping[tuple[str, ...], Callable[[Origin, FloatArray, FloatArray], FloatArray]] = {
-    PLACE: lambda origin, _, p_n_m: place_of_n(origin, p_n_m),
-    VELOCITY: velocity_of_n,
-    EULER: attitude_of_n,
-    EULER_SIGMA: lambda _, __, sigma_rad: np.degrees(sigma_rad),
-    HEIGHT: lambda _, __, height_m: height_m[:, None],
-}
+_AS_IS: tuple[_Convert, _Convert] = (lambda _, __, x: x, lambda _, __, x: x)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Surroundings:
-    """What a table of samples needs to become a record."""
+    """Folder, origin, antennas and fixes that a table of samples needs to become a record."""
 
     folder: Path
     origin: Origin
@@ -100,13 +84,7 @@ class Surroundings:
 
 
 def read_record(kind: str, keys: Any, at: Surroundings) -> Any:  # noqa: ANN401  # of that kind
-    """Return the record that a table of flight.toml names the samples of.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, column, rule and value.
-    """
+    """Return the record that a table of flight.toml names the samples of."""
     file = at.folder / keys.samples
     samples = read_table(file, *COLUMNS[kind])
     if kind == "baseline":
@@ -115,41 +93,38 @@ def read_record(kind: str, keys: Any, at: Surroundings) -> Any:  # noqa: ANN401 
     return _READERS[kind](values, keys, at, file)
 
 
-def blocks_of(record: Any, origin: Origin, fixes: Sequence[Fixes]) -> list[Block]:  # noqa: ANN401
+def blocks_of(record: Any, origin: Origin, fixes: Sequence[Fixes]) -> list[col.Block]:  # noqa: ANN401
     """Return the columns of a record, beside its times; none of usual figures."""
     if isinstance(record, Baseline):
         return baseline_blocks(record, origin, fixes)
-    blocks, unstated = list[Block](), getattr(record, "unstated", ())
+    blocks, unstated = list[col.Block](), getattr(record, "unstated", ())
     required, optional = FIELDS[type(record).__name__.lower()]
     for field, names in {**required, **optional}.items():
         values = getattr(record, field)
         is_usual = names[0].startswith("sigma") and field.partition("_")[0] in unstated
         if values is not None and not is_usual:
-            to_file = _TO_FILE.get(names)
-            p_n_m: Any = getattr(record, "p_n_m", None)
-            blocks.append((names, values if to_file is None else to_file(origin, p_n_m, values)))
+            _, convert = _CONVERSIONS.get(names, _AS_IS)
+            blocks.append((names, convert(origin, getattr(record, "p_n_m", values), values)))
     return blocks
 
 
-def _values(kind: str, samples: Samples, origin: Origin, file: Path) -> dict[str, Any]:
+def _values(kind: str, samples: col.Samples, origin: Origin, file: Path) -> dict[str, Any]:
     """Return the fields of a record, None of those whose columns are not there; and its times."""
     required, optional = FIELDS[kind]
     values: dict[str, Any] = {"t_s": samples["t_s"]}
     for field, names in {**required, **optional}.items():
-        values[field] = None
-        if names[0] in samples:
-            is_sigma = names[0].startswith("sigma")
-            columns = stated_sigma(file, samples, names) if is_sigma else None
-            columns = columns_to_vectors(samples, names) if columns is None else columns
-            to_record = _TO_RECORD.get(names)
-            p_n_m: Any = values.get("p_n_m")
-            values[field] = columns if to_record is None else to_record(origin, p_n_m, columns)
+        is_sigma = names[0].startswith("sigma")
+        read = partial(col.stated_sigma, file) if is_sigma else col.columns_to_vectors
+        columns = read(samples, names) if names[0] in samples else None
+        convert, _ = _CONVERSIONS.get(names, _AS_IS)
+        p_n_m: Any = values.get("p_n_m", columns)
+        values[field] = None if columns is None else convert(origin, p_n_m, columns)
     return values
 
 
 def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  # noqa: ANN401
     """Return an inertial unit: its axes rotated to the body's, its clock set."""
-    R_bu = mounting(keys.axes, keys.mounting_deg)
+    R_bu = mounting_rotation(keys.axes, keys.mounting_deg)
     t_s, w_u_radps = values["t_s"], values["w_b_radps"]
     sigma_s = keys.clock_offset_sigma_s
     return Imu(
@@ -162,7 +137,7 @@ def _imu(values: Any, keys: ImuTable, _at: Surroundings, _file: Path) -> Imu:  #
     )
 
 
-def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
+def mounting_rotation(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
     """Return R_bu, (3, 3): from the axes in which a unit's samples are to the body's.
 
     Parameters
@@ -171,18 +146,13 @@ def mounting(axes: Sequence[str], angles_deg: Sequence[float]) -> FloatArray:
         Which axis of the samples points forward, right and down: ``("-x", "y", "-z")``.
     angles_deg : sequence of 3 float
         Roll, pitch, yaw by which the unit, its axes so named, is turned against the body.
-
-    Raises
-    ------
-    BadInputError
-        If the axes are no right-handed triad.
     """
     P = np.zeros((3, 3))
-    for row, axis in enumerate(axes):
+    for number, axis in enumerate(axes):
         name = axis.removeprefix("-")
         if name not in FORWARD_RIGHT_DOWN:
             raise BadInputError(f"imu axes: must be x, y, z, -x, -y or -z, got {quoted(axis)}")
-        P[row, FORWARD_RIGHT_DOWN.index(name)] = -1.0 if axis.startswith("-") else 1.0
+        P[number, FORWARD_RIGHT_DOWN.index(name)] = -1.0 if axis.startswith("-") else 1.0
     if round(float(np.linalg.det(P))) != 1:  # 0: an axis twice; -1: left-handed
         raise BadInputError(
             f"imu axes: must be a right-handed triad such as -x, y, -z, got {', '.join(axes)}; "
@@ -215,9 +185,9 @@ def _fixes(values: Any, keys: Any, _at: Surroundings, _file: Path) -> Fixes:  # 
 
 
 def _photodetector(values: Any, keys: Any, at: Surroundings, _file: Path) -> Photodetector:  # noqa: ANN401
-    table = read_table(at.folder / keys.calibration, CALIBRATION, increasing=CALIBRATION[0])
-    calibration = columns_to_vectors(table, CALIBRATION)
-    landmark = np.array([[getattr(keys.landmark, name) for name in PLACE]])
+    table = read_table(at.folder / keys.calibration, col.CALIBRATION, increasing=col.CALIBRATION[0])
+    calibration = col.columns_to_vectors(table, col.CALIBRATION)
+    landmark = np.array([[getattr(keys.landmark, name) for name in col.PLACE]])
     stated = values_of(keys, Photodetector) | {"calibration": calibration}
     return Photodetector(**values, landmark_n_m=place_to_n(at.origin, landmark)[0], **stated)
 

@@ -63,7 +63,7 @@ class GnssTable(Table, frozen=True, kw_only=True):
 
 
 class ImuKeys(Table, frozen=True, kw_only=True):
-    """What ``[imu]`` says of the unit; ``clock_offset_s`` is added to its times."""
+    """Keys of ``[imu]`` without its samples; ``clock_offset_s`` is added to its times."""
 
     position_b_m: Vector = (0.0, 0.0, 0.0)
     axes: tuple[str, str, str] = FORWARD_RIGHT_DOWN
@@ -114,7 +114,7 @@ class PhotodetectorTable(Table, frozen=True, kw_only=True):
 
 
 class BarometerKeys(Table, frozen=True, kw_only=True):
-    """What ``[barometer]`` says of the instrument, as of ``Barometer``."""
+    """Keys of ``[barometer]`` without its samples, as of ``Barometer``."""
 
     position_b_m: Vector = (0.0, 0.0, 0.0)
     noise_m: float
@@ -130,7 +130,7 @@ class BarometerTable(BarometerKeys, frozen=True, kw_only=True):
 
 
 class MagnetometerKeys(Table, frozen=True, kw_only=True):
-    """What ``[magnetometer]`` says of the instrument, as of ``Magnetometer``."""
+    """Keys of ``[magnetometer]`` without its samples, as of ``Magnetometer``."""
 
     field_n_ut: Vector
     noise_ut: float
@@ -209,6 +209,12 @@ RECORDS: dict[str, type[Any]] = {
     "truth": TruthTable,
 }
 SEVERAL = ("fixes", "baseline")
+# Fields of ``GnssNoise`` by the keys of ``[gnss]``.
+GNSS_NOISE = {
+    "code_noise_m": "code_m",
+    "phase_noise_m": "phase_m",
+    "doppler_noise_mps": "doppler_mps",
+}
 
 
 class FlightTable(Table, frozen=True, kw_only=True):
@@ -237,17 +243,11 @@ class FlightTable(Table, frozen=True, kw_only=True):
         """Tables of records, in the order of ``Flight.records``."""
         single = (self.photodetector, self.barometer, self.magnetometer, self.truth)
         tables = (self.imu, *self.fixes, *self.baseline, *single)
-        return [one for one in tables if one is not None]
+        return [table for table in tables if table is not None]
 
 
 def read_flight_toml(path: Path) -> FlightTable:
-    """Read and check ``flight.toml``.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, key, rule and value; of an unknown key also the nearest known one.
-    """
+    """Read and check ``flight.toml``."""
     content = read_toml(path)
     if not content:
         raise BadInputError(f"{path}: must describe a flight, the file is empty")
@@ -260,13 +260,7 @@ def read_flight_toml(path: Path) -> FlightTable:
 
 
 def gps_seconds(path: Path, start: str) -> float:
-    """Return seconds since 1980-01-06 of a GPS date and time.
-
-    Raises
-    ------
-    BadInputError
-        If the text is no date such as ``2020-06-25T00:00:00.5``, or before 1980-01-06.
-    """
+    """Return seconds since 1980-01-06 of a GPS date and time."""
     got = quoted(start)
     rule = f"{path}: key start: must be a GPS date and time, 2020-06-25T00:00:00, got {got}"
     seconds = date_to_gps_s(re.split("[-T:]", start)) if _START.fullmatch(start) else np.nan

@@ -17,7 +17,7 @@ from fgnav.io.flight.local_frame import place_of_n
 from fgnav.io.flight.series import blocks_of
 from fgnav.io.flight.toml import RECORDS, SEVERAL
 from fgnav.io.rinex.writer import RinexVersion, write_navigation, write_observations
-from fgnav.io.sp3.writer import write_precise
+from fgnav.io.sp3 import write_precise
 from fgnav.io.tables import write_table
 from fgnav.types.flight import Flight, Photodetector, Truth
 from fgnav.types.vehicle import FinnedVehicle
@@ -28,13 +28,7 @@ _TAKEN = ("base", "broadcast")
 
 
 def check_empty(folder: Path) -> None:
-    """Raise unless a folder is new or empty.
-
-    Raises
-    ------
-    BadInputError
-        If it holds something, or is a file.
-    """
+    """Raise unless a folder is new or empty."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInputError(f"{folder}: must be a new or empty folder, it holds something")
 
@@ -59,12 +53,12 @@ def write_parts(
 
 
 def row_counts(table: flight_toml.FlightTable, flight: Flight) -> dict[str, int]:
-    """Return how many rows of a flight each table holds, epochs or messages each file of orbits.
+    """Count the rows of each table of a flight, the epochs or messages of each file of orbits.
 
     Of several files of orbits nobody knows how many each holds: they are not in it.
     """
     records = flight.records.values()
-    counts = {k.samples: len(one.t_s) for k, one in zip(table.sampled, records, strict=True)}
+    counts = {k.samples: len(record.t_s) for k, record in zip(table.sampled, records, strict=True)}
     if len(table.gnss.orbits) == 1 and flight.precise is not None:
         counts[table.gnss.orbits[0]] = len(flight.precise.t_s)
     if len(table.gnss.navigation) == 1 and flight.broadcast is not None:
@@ -81,63 +75,44 @@ def _antennas(
     flight: Flight, folder: Path, rinex: RinexVersion
 ) -> tuple[flight_toml.AntennaTable, ...]:
     """Write one RINEX file per antenna; return their tables."""
-    tables = []
+    tables, observations = [], flight.observations
     for k, antenna in enumerate(flight.antennas):
         file_name = None
-        if flight.observations is not None:
-            plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
-            file_name = f"{antenna.name if plain else f'antenna-{k + 1}'}.rnx"
+        if observations is not None:
+            is_plain = _PLAIN_NAME.fullmatch(antenna.name) and antenna.name.lower() not in _TAKEN
+            file_name = f"{antenna.name if is_plain else f'antenna-{k + 1}'}.rnx"
             if (folder / file_name).exists():  # names that differ in case only
                 file_name = f"antenna-{k + 1}.rnx"
-            write_observations(
-                folder / file_name,
-                flight.observations,
-                k,
-                start_gps_s=flight.start_gps_s,
-                marker=antenna.name,
-                position_e_m=flight.origin.p_e_m,
-                version=rinex,
-            )
+            place = {"start_gps_s": flight.start_gps_s, "position_e_m": flight.origin.p_e_m}
+            header: dict[str, Any] = {**place, "marker": antenna.name, "version": rinex}
+            write_observations(folder / file_name, observations, k, **header)
         tables.append(table_of(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
 
 
 def _gnss(flight: Flight, folder: Path, rinex: RinexVersion) -> flight_toml.GnssTable:
     """Write orbits and the base's observations; return their table."""
-    start_gps_s = flight.start_gps_s
+    start: dict[str, Any] = {"start_gps_s": flight.start_gps_s}
+    values: dict[str, Any] = {"elevation_mask_deg": float(np.degrees(flight.elevation_mask_rad))}
     if flight.broadcast is not None:
-        write_navigation(
-            folder / "broadcast.rnx", flight.broadcast, start_gps_s=start_gps_s, version=rinex
-        )
+        values["navigation"] = ("broadcast.rnx",)
+        write_navigation(folder / "broadcast.rnx", flight.broadcast, **start, version=rinex)
     if flight.precise is not None:
-        write_precise(folder / "precise.sp3", flight.precise, start_gps_s=start_gps_s)
-    base = None
-    if flight.base is not None:
-        base = table_of(flight_toml.BaseTable, flight.base, observations="base.rnx")
-        write_observations(
-            folder / "base.rnx",
-            flight.base.observations,
-            0,
-            start_gps_s=start_gps_s,
-            marker="base",
-            position_e_m=flight.base.position_e_m,
-            version=rinex,
-        )
+        values["orbits"] = ("precise.sp3",)
+        write_precise(folder / "precise.sp3", flight.precise, **start)
+    if (base := flight.base) is not None:
+        values["base"] = table_of(flight_toml.BaseTable, base, observations="base.rnx")
+        header = {**start, "marker": "base", "position_e_m": base.position_e_m, "version": rinex}
+        write_observations(folder / "base.rnx", base.observations, 0, **header)
     noise = flight.gnss_noise
-    return table_of(
-        flight_toml.GnssTable,
-        noise,
-        navigation=("broadcast.rnx",) if flight.broadcast is not None else (),
-        orbits=("precise.sp3",) if flight.precise is not None else (),
-        elevation_mask_deg=float(np.degrees(flight.elevation_mask_rad)),
-        code_noise_m=None if "code_m" in noise.unstated else noise.code_m,
-        phase_noise_m=None if "phase_m" in noise.unstated else noise.phase_m,
-        doppler_noise_mps=None if "doppler_mps" in noise.unstated else noise.doppler_mps,
-        base=base,
-    )
+    values |= {
+        key: None if field in noise.unstated else getattr(noise, field)
+        for key, field in flight_toml.GNSS_NOISE.items()
+    }
+    return table_of(flight_toml.GnssTable, noise, **values)
 
 
-def numbered(name: str, k: int) -> str:
+def samples_name(name: str, k: int) -> str:
     """Return the name of the samples of one of several records."""
     return f"{name}-{k + 1}.csv" if k else f"{name}.csv"
 
@@ -146,10 +121,10 @@ def _records(flight: Flight, folder: Path) -> dict[str, Any]:
     """Write records and what belongs to them; return their tables by key."""
     keys: dict[str, Any] = {}
     for kind, table in RECORDS.items():
-        found = getattr(flight, "baselines" if kind == "baseline" else kind)
+        records = getattr(flight, "baselines" if kind == "baseline" else kind)
         tables = []
-        for k, record in enumerate(found if kind in SEVERAL else filter(None, [found])):
-            name = numbered(kind, k)
+        for k, record in enumerate(records if kind in SEVERAL else filter(None, [records])):
+            name = samples_name(kind, k)
             blocks = blocks_of(record, flight.origin, flight.fixes)
             write_table(folder / name, samples(record.t_s, *blocks), FORMATS)
             more = _more(record, flight, folder)

@@ -17,7 +17,7 @@ GROUP = "fgnav.importers"
 
 
 class Format(NamedTuple):
-    """What reads a format, and what tells it."""
+    """A format: its importer, and the marks by which it is recognised."""
 
     importer: str
     begins: tuple[bytes, ...] = ()  # of the file, as the format's document has it
@@ -35,7 +35,8 @@ FORMATS = {
     "mcap": Format("ros:read_bag", (b"\x89MCAP0",)),
     "nmea": Format(
         "receivers:read_stream",
-        line=rb".{,80}\$(?:[A-Z]{5}|P[A-Z0-9]+),[\x20-\x7e]*\*[0-9A-Fa-f]{2}\s*$",
+        line=rb".{,80}\$(?:[A-Z]{5}|P[A-Z0-9]+),[\x20-\x7e]*\*[0-9A-Fa-f]{2}\s*$"
+        rb"|\$G[A-Z](?:GGA|GNS|RMC),[\x20-\x7e]*\s*$",
         suffix=".nmea",
     ),
     "ubx": Format("receivers:read_stream", (b"\xb5\x62",), suffix=".ubx"),
@@ -54,14 +55,14 @@ FORMATS = {
     ),
     "sp3": Format("receivers:read_sp3_file", line=rb"#[a-d][PV]\d{4} ", suffix=".sp3"),
 }
-IMPORTERS = {name: f"fgnav.io.importers.formats.{one.importer}" for name, one in FORMATS.items()}
+IMPORTERS = {name: f"fgnav.io.importers.formats.{spec.importer}" for name, spec in FORMATS.items()}
 
 
 class Importer(Protocol):
     """Reads one file of a format."""
 
     def __call__(self, path: Path, settings: Settings, scratch: Path, /) -> Recording:
-        """Return what the file holds.
+        """Return the content of a file.
 
         Parameters
         ----------
@@ -90,6 +91,11 @@ def importer_named(name: str) -> Importer:
     ------
     BadInputError
         If there is none; the text lists what there is.
+
+    Examples
+    --------
+    >>> importer_named("ulog").__name__
+    'read_ulog'
     """
     importer: Importer = plugins.named(GROUP, IMPORTERS, name, kind="format")
     return importer

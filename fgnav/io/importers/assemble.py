@@ -1,9 +1,8 @@
 """One flight of what several files hold: one clock, one origin, tables of samples as they are."""
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +16,10 @@ from fgnav.io.flight import toml as flight_toml
 from fgnav.io.flight.columns import FORMATS, Samples
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.flight.keys import table_of
-from fgnav.io.flight.writer import FILE_NAME, check_empty, numbered
+from fgnav.io.flight.writer import FILE_NAME, check_empty, samples_name
 from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.place import first_epoch_gps_s, origin_of
-from fgnav.io.importers.recording import Recording, cleaned
+from fgnav.io.importers.recording import Recording, clean_rows
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import write_table
 from fgnav.io.toml_writer import write_toml
@@ -46,42 +45,37 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
     """Put what files hold on one clock and into one frame.
 
     ``t_s = 0`` is the settings' ``start``, else the first fix, else the first observation. A clock
-    of a unit's own is laid with its first sample on the start, and a note says so.
+    of a unit's own is laid with its first sample on the start, and a note says so. Instruments
+    whose noise is not stated are left out, and counted.
 
-    Raises
-    ------
-    BadInputError
-        If two files have the same table, or a table has no usable row, or nothing is left
-        without instruments whose noise is not stated: those are left out, and counted.
+    Examples
+    --------
+    >>> force = {f"f{axis}_mps2": np.zeros(3) for axis in "xyz"}
+    >>> unit = Recording(source=Path("unit.log"), tables={"imu": {"t_s": np.arange(3.0), **force}})
+    >>> assembled = assemble([unit], Settings(name="bench"))
+    >>> assembled.table.name, list(assembled.samples), list(assembled.missing)
+    ('bench', ['imu.csv'], ['origin'])
     """
-    recordings = [cleaned(_stated(one, settings)) for one in recordings]
-    missing = {key: text for one in recordings for key, text in one.missing.items()}
+    recordings = [clean_rows(_without_unstated(recording, settings)) for recording in recordings]
+    missing = {key: text for recording in recordings for key, text in recording.missing.items()}
     start_s = _start(recordings, settings, missing)
-    recordings = [_shifted(one, start_s, settings, missing) for one in recordings]
-    undated = [
-        one.source.name for one in recordings if one.clock == "own" and "fixes" in one.tables
-    ]
+    recordings = [_shifted(recording, start_s, settings, missing) for recording in recordings]
+    undated = [r.source.name for r in recordings if r.clock == "own" and "fixes" in r.tables]
     if len(undated) > 1:
         missing["fixes"] = (
             f"{', '.join(undated)} have clocks of their own: the first fix of each was laid on the "
             "start. Where they share a clock, state start in [[csv]] of each"
         )
-    files = dict[str, Path]()
-    observations, navigation, orbits = (
-        _named([path for one in recordings for path in getattr(one, kind)], files)
-        for kind in ("observations", "navigation", "orbits")
-    )
-    antennas = _antennas(settings, [files[name] for name in observations], recordings, missing)
-    if observations:
-        pairs = zip(antennas, observations, strict=True)
-        antennas = tuple(msgspec.structs.replace(a, observations=name) for a, name in pairs)
-    tables = {kind: rows for one in reversed(recordings) for kind, rows in one.tables.items()}
-    paths = [[files[name] for name in names] for names in (observations, navigation, orbits)]
-    origin = origin_of(tables, paths[0], (paths[1], paths[2]), start_s)
+    files, gnss = dict[str, Path](), dict[str, tuple[str, ...]]()
+    for kind in ("observations", "navigation", "orbits"):
+        paths = [path for recording in recordings for path in getattr(recording, kind)]
+        gnss[kind] = _file_names(paths, files)
+    antennas = _antennas(recordings, settings, gnss["observations"], missing)
+    origin = origin_of(recordings, start_s)
     if origin is None:
         missing["origin"] = "no file states a place: state one within some km of the flight"
         origin = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
-    samples, records = _records(recordings, settings, [one.name for one in antennas])
+    samples, records = _records(recordings, settings, [antenna.name for antenna in antennas])
     return Assembled(
         table=flight_toml.FlightTable(
             format=flight_toml.FORMAT,
@@ -90,18 +84,18 @@ def assemble(recordings: Sequence[Recording], settings: Settings) -> Assembled:
             rows={name: len(rows["t_s"]) for name, rows in samples.items()},
             origin=table_of(flight_toml.Place, origin),
             antenna=antennas,
-            gnss=flight_toml.GnssTable(navigation=navigation, orbits=orbits),
+            gnss=flight_toml.GnssTable(navigation=gnss["navigation"], orbits=gnss["orbits"]),
             **records,
         ),
         samples=samples,
         files=files,
-        unused=tuple(loss for one in recordings for loss in one.unused),
-        notes={key: text for one in recordings for key, text in one.notes.items()},
+        unused=tuple(loss for recording in recordings for loss in recording.unused),
+        notes={key: text for recording in recordings for key, text in recording.notes.items()},
         missing=missing,
     )
 
 
-def _named(paths: Sequence[Path], files: dict[str, Path]) -> tuple[str, ...]:
+def _file_names(paths: Sequence[Path], files: dict[str, Path]) -> tuple[str, ...]:
     """Give files names in the flight, each its own; return these."""
     names = []
     for k, path in enumerate(paths, start=1):
@@ -110,34 +104,34 @@ def _named(paths: Sequence[Path], files: dict[str, Path]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _stated(one: Recording, settings: Settings) -> Recording:
+def _without_unstated(recording: Recording, settings: Settings) -> Recording:
     """Return a recording without instruments whose noise the settings do not state; count them."""
-    unused = [kind for kind in _OPTIONAL if kind in one.tables and not getattr(settings, kind)]
-    if unused and set(one.tables) == set(unused):
+    unused = [k for k in _OPTIONAL if k in recording.tables and not getattr(settings, k)]
+    if unused and set(recording.tables) == set(unused):
         raise BadInputError(
-            f"{one.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] of "
-            "--settings"
+            f"{recording.source}: holds {' and '.join(unused)} alone; state noise in [{unused[0]}] "
+            "of --settings"
         )
-    text = f"[{{}}] of --settings does not state its noise ({one.source.name})"
-    counts = {(f"{k} row", text.format(k)): len(one.tables[k]["t_s"]) for k in unused}
-    tables = {kind: rows for kind, rows in one.tables.items() if kind not in unused}
-    return replace(one, tables=tables, unused=(*one.unused, *unused_of(counts)))
+    text = f"[{{}}] of --settings does not state its noise ({recording.source.name})"
+    counts = {(f"{k} row", text.format(k)): len(recording.tables[k]["t_s"]) for k in unused}
+    tables = {kind: rows for kind, rows in recording.tables.items() if kind not in unused}
+    return replace(recording, tables=tables, unused=(*recording.unused, *unused_of(counts)))
 
 
 def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[str, str]) -> float:
     """Return the GPS time of ``t_s = 0``, to the millisecond."""
     if settings.start is not None:
         return flight_toml.gps_seconds(Path("--settings"), settings.start)
-    dated = [one.gps_start_s for one in recordings if one.clock == "gps" and one.tables]
+    dated = [r.gps_start_s for r in recordings if r.clock == "gps" and r.tables]
     week_s = float(np.floor(dated[0] / WEEK_S) * WEEK_S) if dated else 0.0
     firsts = {
-        kind: float(table["t_s"][0]) + (one.gps_start_s if one.clock == "gps" else week_s)
-        for one in reversed(recordings)
-        if one.clock != "own"
-        for kind, table in one.tables.items()
+        kind: float(table["t_s"][0]) + (r.gps_start_s if r.clock == "gps" else week_s)
+        for r in reversed(recordings)
+        if r.clock != "own"
+        for kind, table in r.tables.items()
     }
     if not (dated and firsts):
-        times = [first_epoch_gps_s(path) for one in recordings for path in one.observations]
+        times = [first_epoch_gps_s(path) for r in recordings for path in r.observations]
         if times and times[0] is not None:
             return times[0]
         missing["start"] = "no file has a date: this is the first week of GPS; state the GPS time"
@@ -146,68 +140,70 @@ def _start(recordings: Sequence[Recording], settings: Settings, missing: dict[st
 
 
 def _shifted(
-    one: Recording, start_s: float, settings: Settings, missing: dict[str, str]
+    recording: Recording, start_s: float, settings: Settings, missing: dict[str, str]
 ) -> Recording:
     """Return a recording on the flight's clock; one of its own has its first fix on the start."""
-    shift_s = one.gps_start_s - start_s
-    if one.clock == "week":
+    shift_s, tables = recording.gps_start_s - start_s, recording.tables
+    if recording.clock == "week":
         shift_s = float(np.floor(start_s / WEEK_S) * WEEK_S - start_s)
-    elif one.clock == "own" and one.tables:
-        if "fixes" not in one.tables and not settings.imu.clock_offset_s:
+    elif recording.clock == "own" and tables:
+        first = tables.get("fixes", next(iter(tables.values())))
+        shift_s = -float(first["t_s"][0])
+        if "fixes" not in tables and not settings.imu.clock_offset_s:
             missing["imu.clock_offset_s"] = (
-                f"{one.source.name} has a clock of its own: its first sample was laid on the "
+                f"{recording.source.name} has a clock of its own: its first sample was laid on the "
                 "start. State what to add to its times; `fgnav check` finds it within 20 s"
             )
-        first = one.tables.get("fixes", next(iter(one.tables.values())))
-        shift_s = -float(first["t_s"][0])
-    tables = {kind: {**rows, "t_s": rows["t_s"] + shift_s} for kind, rows in one.tables.items()}
-    return replace(one, tables=tables)
+    tables = {kind: {**rows, "t_s": rows["t_s"] + shift_s} for kind, rows in tables.items()}
+    return replace(recording, tables=tables)
 
 
 def _antennas(
-    settings: Settings,
-    observations: Sequence[Path],
     recordings: Sequence[Recording],
+    settings: Settings,
+    observations: Sequence[str],
     missing: dict[str, str],
 ) -> tuple[flight_toml.AntennaTable, ...]:
     """Return the settings' antennas, else one of each observation file, or of each receiver."""
-    count = max((last for _, last in _places(recordings)), default=-1) + 1
-    stated = settings.antenna
-    if stated:
-        if (observations and len(observations) != len(stated)) or count > len(stated):
-            raise BadInputError(
-                f"key antenna: {len(stated)} antennas in --settings, but {len(observations)} "
-                f"observation files, and fixes and baselines of {count}"
-            )
-        return stated
-    names = [path.name.split(".")[0] for path in observations]
-    if len(set(names)) < len(names):
-        names = [f"a{k + 1}" for k in range(len(names))]
-    others = [f"gps{k + 1}" for k in range(len(names), count)] if count > 1 else ["gps"] * count
-    names += others[: max(count - len(names), 0)]
-    if names:
-        missing["antenna.position_b_m"] = (
-            "no file states where the antenna sits: state forward, right, down, m, from the "
-            "body's origin"
+    count = max((ends[-1] + 1 for ends in _ends(recordings) if ends), default=0)
+    antennas = settings.antenna
+    if antennas and (
+        (observations and len(observations) != len(antennas)) or count > len(antennas)
+    ):
+        raise BadInputError(
+            f"key antenna: {len(antennas)} antennas in --settings, but {len(observations)} "
+            f"observation files, and fixes and baselines of {count}"
         )
-    return tuple(
-        flight_toml.AntennaTable(name=name, position_b_m=(0.0, 0.0, 0.0)) for name in names
-    )
+    if not antennas:
+        paths = [path for recording in recordings for path in recording.observations]
+        names = [path.name.split(".")[0] for path in paths]
+        if len(set(names)) < len(names):
+            names = [f"a{k + 1}" for k in range(len(names))]
+        names += [f"gps{k + 1}" if count > 1 else "gps" for k in range(len(names), count)]
+        if names:
+            missing["antenna.position_b_m"] = (
+                "no file states where the antenna sits: state forward, right, down, m, from the "
+                "body's origin"
+            )
+        antennas = tuple(
+            flight_toml.AntennaTable(name=name, position_b_m=(0.0, 0.0, 0.0)) for name in names
+        )
+    pairs = zip(antennas, observations, strict=False)
+    named = [msgspec.structs.replace(antenna, observations=name) for antenna, name in pairs]
+    return (*named, *antennas[len(named) :])
 
 
-def _places(recordings: Sequence[Recording]) -> list[tuple[int, int]]:
+def _ends(recordings: Sequence[Recording]) -> list[tuple[int, ...]]:
     """Return the number of the antenna of each file's fixes, and that of its baseline's other end.
 
     Files with fixes have an antenna each, in their order; a baseline is from it to the next one.
     """
-    places, number = [], 0
-    for one in recordings:
-        if {"fixes", "baseline"} & set(one.tables):
-            places.append((number, number + ("baseline" in one.tables)))
-        else:
-            places.append((-1, -1))
-        number += "fixes" in one.tables
-    return places
+    ends, number = list[tuple[int, ...]](), 0
+    for tables in (recording.tables for recording in recordings):
+        has_baseline = "baseline" in tables
+        ends.append((number, number + 1) if has_baseline else (number,) * ("fixes" in tables))
+        number += "fixes" in tables
+    return ends
 
 
 def _records(
@@ -215,42 +211,39 @@ def _records(
 ) -> tuple[dict[str, Samples], dict[str, Any]]:
     """Return tables of samples by their files' names, and tables of flight.toml by their keys."""
     samples, records = dict[str, Samples](), dict[str, list[Any]]()
-    for one, places in zip(recordings, _places(recordings), strict=True):
-        ends = [antennas[k] for k in places if k >= 0]
-        for kind, rows in one.tables.items():
+    for recording, ends in zip(recordings, _ends(recordings), strict=True):
+        names = [antennas[k] for k in ends]
+        for kind, rows in recording.tables.items():
             earlier = records.setdefault(kind, [])
             if earlier and kind not in flight_toml.SEVERAL:
                 first = next(other.source.name for other in recordings if kind in other.tables)
                 raise BadInputError(
-                    f"{one.source}: has {kind}, as {first} has; a flight takes those of one "
+                    f"{recording.source}: has {kind}, as {first} has; a flight takes those of one "
                     "instrument: import one of them, and the other as a flight of its own"
                 )
-            name = numbered(kind, len(earlier))
+            name = samples_name(kind, len(earlier))
             samples[name] = rows
-            earlier.append(_keys(kind, one, settings, ends)(samples=name))
-    keys = {
+            keys = _keys(kind, recording, settings, names)
+            earlier.append(flight_toml.RECORDS[kind](samples=name, **keys))
+    return samples, {
         kind: tuple(some) if kind in flight_toml.SEVERAL else some[0]
         for kind, some in records.items()
     }
-    return samples, keys
 
 
 def _keys(
-    kind: str, one: Recording, settings: Settings, ends: Sequence[str]
-) -> Callable[..., msgspec.Struct]:
-    """Return the table of flight.toml of an instrument, which its file's name completes."""
+    kind: str, recording: Recording, settings: Settings, antennas: Sequence[str]
+) -> dict[str, Any]:
+    """Return the keys of an instrument in flight.toml, beside its samples."""
     if kind == "fixes":
-        return partial(flight_toml.FixesTable, antenna=ends[0])
+        return {"antenna": antennas[0]}
     if kind == "baseline":
-        antennas = (ends[1], ends[0]) if one.baseline_ends_at_fixes else (ends[0], ends[1])
-        return partial(flight_toml.BaselineTable, antennas=antennas)
+        return {"antennas": antennas[::-1] if recording.baseline_ends_at_fixes else antennas}
     if kind == "truth":
-        return partial(flight_toml.TruthTable, source=one.truth_source)
+        return {"source": recording.truth_source}
     stated = msgspec.structs.asdict(getattr(settings, kind))
-    usual = one.imu_noise if kind == "imu" else {}
-    values = {name: usual.get(name) if x is None else x for name, x in stated.items()}
-    table: Callable[..., msgspec.Struct] = flight_toml.RECORDS[kind]
-    return partial(table, **values)
+    usual = recording.imu_noise if kind == "imu" else {}
+    return {name: usual.get(name) if value is None else value for name, value in stated.items()}
 
 
 def write(
@@ -274,10 +267,12 @@ def write(
     settings : Settings or None
         Written beside it, so that the import can be done again with what was amended.
 
-    Raises
-    ------
-    BadInputError
-        If the folder holds something, or what was written is no flight.
+    Examples
+    --------
+    >>> recording = importer_named("rinex")(Path("demo/flight/a1.rnx"), Settings(), Path())
+    >>> write(assemble([recording], Settings()), Path("assembled"), verify=False)
+    >>> sorted(path.name for path in Path("assembled").iterdir())
+    ['a1.rnx', 'flight.toml']
     """
     check_empty(folder)
     with atomic_folder(folder) as new:

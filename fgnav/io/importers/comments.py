@@ -1,4 +1,4 @@
-"""What a new flight.toml says beside its keys: what they mean, what is missing, how to mend it."""
+"""Comments of a new flight.toml: meanings of its keys, what is missing, how to mend it."""
 
 from fgnav.io.flight.columns import RATE
 from fgnav.io.importers.assemble import Assembled
@@ -53,7 +53,7 @@ def comments(assembled: Assembled) -> dict[str, str]:
             text = "Noise is not stated: it is identified, from these on. State the data sheet's:"
             usual = [f"{name} = {USUAL_IMU_NOISE[name]}" for name in unstated]
             by_key["imu.noise"] = "\n".join([text, *usual])
-    if any(one.observations for one in table.antenna):
+    if any(antenna.observations for antenna in table.antenna):
         by_key["gnss.base"] = _MISSING["base"]
         if not (table.gnss.navigation or table.gnss.orbits):
             by_key["gnss.navigation"] = _MISSING["navigation"]

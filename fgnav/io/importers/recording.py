@@ -1,4 +1,4 @@
-"""What one foreign file holds: tables of samples under the flight format's own column names."""
+"""The content of a foreign file: tables of samples under the flight format's column names."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -69,7 +69,7 @@ class Recording:
 
     def __post_init__(self) -> None:
         """Drop unused of nothing; reject an empty file, and columns that no flight has."""
-        object.__setattr__(self, "unused", tuple(one for one in self.unused if one.count))
+        object.__setattr__(self, "unused", tuple(loss for loss in self.unused if loss.count))
         files = (*self.observations, *self.navigation, *self.orbits)
         if not files and not any(len(table["t_s"]) for table in self.tables.values()):
             raise BadInputError(f"{self.source}: holds nothing that a flight could use")
@@ -79,16 +79,11 @@ class Recording:
                 raise BadInputError(f"{self.source}: {kind}: {fault}")
 
 
-def cleaned(recording: Recording) -> Recording:
+def clean_rows(recording: Recording) -> Recording:
     """Return a recording of the rows that a flight can have, the others counted.
 
     Times that wrapped go on. Samples that share their timestamps are spread over the time to the
     next one, and ``missing`` has a text of it.
-
-    Raises
-    ------
-    BadInputError
-        If a table has no usable row.
     """
     tables, missing, source = {}, dict(recording.missing), recording.source
     counts = Counter[tuple[str, str]]()

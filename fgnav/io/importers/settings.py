@@ -1,4 +1,4 @@
-"""What the user says about foreign files: a small TOML, ``fgnav import --settings``."""
+"""Settings of foreign files, as the user states them: a small TOML, ``fgnav import --settings``."""
 
 import math
 from pathlib import Path
@@ -138,11 +138,12 @@ class Settings(Table, frozen=True, kw_only=True):
 
 
 def read_settings(path: Path | None) -> Settings:
-    """Read settings; those of an empty file without a path.
+    r"""Read settings; those of an empty file without a path.
 
-    Raises
-    ------
-    BadInputError
-        Naming file, key, rule and value.
+    Examples
+    --------
+    >>> _ = Path("drone.toml").write_text('name = "drone"\nimu = { clock_offset_s = 0.1 }\n')
+    >>> read_settings(Path("drone.toml")).imu.clock_offset_s
+    0.1
     """
     return Settings() if path is None else as_table(path, read_toml(path), Settings)

@@ -1,4 +1,4 @@
-"""What files hold of each constellation: its names, satellites in use, carriers, codes of RINEX 2.
+"""Constellations in files: names, satellites in use, carriers, codes of RINEX 2.
 
 References
 ----------
@@ -36,11 +36,11 @@ CONSTELLATIONS = {
     "S": Constellation("SBAS"),
     "I": Constellation("NavIC"),
 }
-USED = {letter: one for letter, one in CONSTELLATIONS.items() if one.satellites}
+USED = {letter: some for letter, some in CONSTELLATIONS.items() if some.satellites}
 
 
 def is_known(satellite: str) -> bool:
     """Return True if a satellite's number is in use: ``G05``."""
     number = satellite[1:]
-    known = USED.get(satellite[:1])
-    return known is not None and number.isdigit() and 1 <= int(number) <= known.satellites
+    most = USED[satellite[:1]].satellites if satellite[:1] in USED else 0
+    return number.isdigit() and 1 <= int(number) <= most

@@ -1,7 +1,7 @@
 """The head of a RINEX file: what kind it is, and which observation types its lines hold."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -18,7 +18,7 @@ _MOST_TYPES = 99  # more than any receiver tracks
 _TYPE = {2: re.compile(r"[CLPDS][1-9A-Z]"), 3: re.compile(r"[CLDSIX][0-9][A-Z0-9]?")}
 _VERSIONS = {2: (2.00, 2.12), 3: (3.00, 3.05), 4: (4.00, 4.02)}
 _SYSTEMS = "".join(CONSTELLATIONS)
-_TIMES = {letter: one.time for letter, one in CONSTELLATIONS.items()}
+_TIMES = {letter: constellation.time for letter, constellation in CONSTELLATIONS.items()}
 _NAVIGATION_2 = {"G": "R", "H": "S", "J": "J", "L": "E", "E": "E"}  # constellations by file type
 _MOST_BYTES = 1 << 20  # a head of a megabyte is no head
 
@@ -27,7 +27,7 @@ Kind = Literal["observations", "navigation"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Header:
-    """What the head of a RINEX file says."""
+    """The head of a RINEX file."""
 
     path: Path
     version: float
@@ -77,29 +77,14 @@ class _Line(NamedTuple):
 
 
 def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
-    """Read and check the head of a RINEX file.
-
-    Parameters
-    ----------
-    path : Path
-        Name for the error texts.
-    text : ndarray of uint8
-        The whole file.
-    kind : {"observations", "navigation"}
-        What the caller expects.
-
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value.
-    """
+    """Read and check the head of a RINEX file of a kind; its whole text is given."""
     lines, size = _lines(path, text)
     version, system = _version(lines[0], kind)
     types: dict[str, tuple[str, ...]] = {}
     time_system = _TIMES.get(system, "GPS")
     if kind == "observations":
         types = _types(path, lines, version)
-        first = next((one for one in lines if one.label == "TIME OF FIRST OBS"), None)
+        first = next((line for line in lines if line.label == "TIME OF FIRST OBS"), None)
         if first is None:
             raise BadInputError(f"{path}: header must have TIME OF FIRST OBS, it is missing")
         last = first.text.split()[-1:]  # wherever it stands
@@ -114,7 +99,7 @@ def read_header(path: Path, text: Bytes, kind: Kind) -> Header:
         time_system=time_system,
         klobuchar=_klobuchar(lines, system),
         size=size,
-        content=tuple(one.whole for one in lines),
+        content=tuple(line.whole for line in lines),
         scales=_scales(lines, types),
         half_cycles=_half_cycles(lines),
     )
@@ -125,18 +110,16 @@ def _lines(path: Path, text: Bytes) -> tuple[list[_Line], int]:
     head = text[:_MOST_BYTES].tobytes()
     first = head.split(b"\n", 1)[0].decode("latin-1")
     if "RINEX VERSION / TYPE" not in first[60:]:
-        raise BadInputError(
-            f"{path}: line 1: must be RINEX VERSION / TYPE, got {quoted(first[:60])}"
-        )
+        rule = f"line 1: must be RINEX VERSION / TYPE, got {quoted(first[:60])}"
+        raise BadInputError(f"{path}: {rule}")
     end = re.search(rb"^.{60}END OF HEADER.*\n", head, re.MULTILINE)
     if end is None:
-        raise BadInputError(
-            f"{path}: line {head.count(10)}: header must end with END OF HEADER, it does not"
-        )
+        rule = f"line {head.count(10)}: header must end with END OF HEADER, it does not"
+        raise BadInputError(f"{path}: {rule}")
     content = head[: end.end()].decode("latin-1").splitlines()
     return [
-        _Line(path, k, one[:60].ljust(60), one[60:].strip(), one.rstrip())
-        for k, one in enumerate(content, 1)
+        _Line(path, number, line[:60].ljust(60), line[60:].strip(), line.rstrip())
+        for number, line in enumerate(content, 1)
     ], end.end()
 
 
@@ -159,7 +142,7 @@ def _version(line: _Line, kind: Kind) -> tuple[float, str]:
     return version, system
 
 
-def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[str, ...]]:
+def _types(path: Path, lines: Sequence[_Line], version: float) -> dict[str, tuple[str, ...]]:
     """Return the observation types by constellation, BeiDou's B1I always named 2I."""
     label = "# / TYPES OF OBSERV" if version < 3 else "SYS / # / OBS TYPES"
     listed = [line for line in lines if line.label == label]
@@ -168,21 +151,23 @@ def _types(path: Path, lines: list[_Line], version: float) -> dict[str, tuple[st
     if version < 3:
         names = [name for line in listed for name in line.text[6:].split()]
         return dict.fromkeys(_SYSTEMS, _checked(listed[0], listed[0].text[:6], names, _TYPE[2]))
-    found: dict[str, tuple[_Line, list[str]]] = {}
+    first: dict[str, _Line] = {}
+    types: dict[str, list[str]] = {}
     for letter, line in _by_letter(listed):
-        if letter not in _SYSTEMS or (letter in found and line.text[0] != " "):
+        if letter not in _SYSTEMS or (letter in types and line.text[0] != " "):
             raise line.fault(f"constellation must be new and one of {_SYSTEMS}", letter)
-        found.setdefault(letter, (line, []))[1].extend(line.text[6:].split())
-    types = {
-        letter: _checked(line, line.text[3:6], names, _TYPE[3])
-        for letter, (line, names) in found.items()
+        first.setdefault(letter, line)
+        types.setdefault(letter, []).extend(line.text[6:].split())
+    checked = {
+        letter: _checked(first[letter], first[letter].text[3:6], names, _TYPE[3])
+        for letter, names in types.items()
     }
-    if round(version, 2) == 3.02 and "C" in types:
-        types["C"] = tuple(one[0] + one[1].replace("1", "2") + one[2:] for one in types["C"])
-    return types
+    if round(version, 2) == 3.02 and "C" in checked:
+        checked["C"] = tuple(n[0] + n[1].replace("1", "2") + n[2:] for n in checked["C"])
+    return checked
 
 
-def _by_letter(lines: list[_Line]) -> Iterator[tuple[str, _Line]]:
+def _by_letter(lines: Sequence[_Line]) -> Iterator[tuple[str, _Line]]:
     """Yield lines with the letter of their constellation, which lines that go on leave out."""
     letter = ""
     for line in lines:
@@ -193,7 +178,7 @@ def _by_letter(lines: list[_Line]) -> Iterator[tuple[str, _Line]]:
 
 
 def _checked(
-    line: _Line, count: str, names: list[str], pattern: re.Pattern[str]
+    line: _Line, count: str, names: Sequence[str], pattern: re.Pattern[str]
 ) -> tuple[str, ...]:
     """Return observation types; there may be more than announced, but not fewer."""
     if not count.strip().isdigit():
@@ -208,10 +193,12 @@ def _checked(
     return tuple(names)
 
 
-def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple[str, str], int]:
+def _scales(
+    lines: Sequence[_Line], types: dict[str, tuple[str, ...]]
+) -> dict[tuple[str, str], int]:
     """Return the factors that values of types were multiplied by."""
     scales, factor = dict[tuple[str, str], int](), 1
-    for letter, line in _by_letter([one for one in lines if one.label == "SYS / SCALE FACTOR"]):
+    for letter, line in _by_letter([x for x in lines if x.label == "SYS / SCALE FACTOR"]):
         if line.text[0] != " ":
             text = line.text[2:6].strip().lstrip("0")
             if text not in ("", "1", "10", "100", "1000"):
@@ -222,18 +209,17 @@ def _scales(lines: list[_Line], types: dict[str, tuple[str, ...]]) -> dict[tuple
     return scales
 
 
-def _half_cycles(lines: list[_Line]) -> frozenset[tuple[str, str]]:
+def _half_cycles(lines: Sequence[_Line]) -> frozenset[tuple[str, str]]:
     """Return satellites, nothing for all, and carriers whose ambiguities may be half cycles."""
     half = set[tuple[str, str]]()
-    for line in lines:
-        if line.label == "WAVELENGTH FACT L1/2":
-            names = [one.replace(" ", "0") for one in re.findall(r"[GRSE ][ \d]\d", line.text[18:])]
-            for band, factor in zip("12", (line.text[:6], line.text[6:12]), strict=True):
-                half |= {(name, band) for name in names or [""] if factor.strip() == "2"}
+    for text in (line.text for line in lines if line.label == "WAVELENGTH FACT L1/2"):
+        names = [name.replace(" ", "0") for name in re.findall(r"[GRSE ][ \d]\d", text[18:])]
+        for band, factor in zip("12", (text[:6], text[6:12]), strict=True):
+            half |= {(name, band) for name in names or [""] if factor.strip() == "2"}
     return frozenset(half)
 
 
-def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:
+def _klobuchar(lines: Sequence[_Line], system: str) -> tuple[float, ...]:
     """Return the GPS ionosphere model of a navigation head."""
     model = [0.0] * 8
     for line in lines:
@@ -243,8 +229,8 @@ def _klobuchar(lines: list[_Line], system: str) -> tuple[float, ...]:
         elif line.label == "IONOSPHERIC CORR" and line.text[:4] in ("GPSA", "GPSB"):
             start, shift = 4 * (line.text[:4] == "GPSB"), 5
         if start >= 0:
-            fields = [line.text[shift + 12 * k : shift + 12 * k + 12] for k in range(4)]
-            numbers = [one.replace("D", "E").replace("d", "e") for one in fields]
+            fields = [line.text[shift + 12 * k :][:12] for k in range(4)]
+            numbers = [text.replace("D", "E").replace("d", "e") for text in fields]
             if not all(map(is_number, numbers)):
                 raise line.fault(f"{line.label} must hold four numbers", line.text.strip())
             model[start : start + 4] = map(float, numbers)

@@ -23,33 +23,16 @@ from fgnav.io.rinex.header import Header
 from fgnav.io.rinex.text import Bytes
 from fgnav.types.orbits import EPHEMERIS_DTYPE, BroadcastOrbits
 
-# Field of the record: column of a message's numbers.
-PLAIN = {
-    "af0_s": 0,
-    "af1_sps": 1,
-    "af2_sps2": 2,
-    "issue": 3,
-    "crs_m": 4,
-    "mean_motion_difference_radps": 5,
-    "mean_anomaly_rad": 6,
-    "cuc_rad": 7,
-    "eccentricity": 8,
-    "cus_rad": 9,
-    "toe_sow_s": 11,
-    "cic_rad": 12,
-    "node_rad": 13,
-    "cis_rad": 14,
-    "inclination_rad": 15,
-    "crc_m": 16,
-    "perigee_rad": 17,
-    "node_rate_radps": 18,
-    "inclination_rate_radps": 19,
-    "health": 24,
-}
-ROOT_A, DATA_SOURCE, WEEK, ACCURACY, DELAYS, TRANSMISSION = 10, 20, 21, 23, slice(25, 27), 27
-FIT = 28  # the last but spares
+# Names of a message's numbers, "" of what is not kept; a record has those of its own fields.
+COLUMNS: tuple[str, ...] = ("af0_s", "af1_sps", "af2_sps2", "issue", "crs_m")
+COLUMNS += ("mean_motion_difference_radps", "mean_anomaly_rad", "cuc_rad", "eccentricity")
+COLUMNS += ("cus_rad", "root_a", "toe_sow_s", "cic_rad", "node_rad", "cis_rad", "inclination_rad")
+COLUMNS += ("crc_m", "perigee_rad", "node_rate_radps", "inclination_rate_radps", "data_source")
+COLUMNS += ("week", "", "accuracy_m", "health", "delay_1_s", "delay_2_s", "transmission_s", "fit")
+FIELDS = tuple(name for name in COLUMNS if name in (EPHEMERIS_DTYPE.names or ()))
+_MAY_BE_BLANK = ("", "data_source", "delay_1_s", "delay_2_s", "transmission_s", "fit")
+_NEEDED = [k for k, name in enumerate(COLUMNS) if name not in _MAY_BE_BLANK]
 BDT_WEEK = 1356  # GPS week of BeiDou's week 0
-_NEEDED = [*range(20), WEEK, ACCURACY, 24]  # spares and flags may be blank
 # Nominal user range accuracy by index, m: IS-GPS-200N, 20.3.3.3.1.3; 15 states none.
 URA_M = np.array(
     [2.4, 3.4, 4.85, 6.85, 9.65, 13.65, 24, 48, 96, 192, 384, 768, 1536, 3072, 6144, 8192]
@@ -81,27 +64,29 @@ def to_broadcast(
 ) -> BroadcastOrbits:
     """Return the messages of several files, each once.
 
-    Returns
-    -------
-    BroadcastOrbits
-        Messages that are cut, have an impossible orbit or are repeated are counted as unused.
-
-    Raises
-    ------
-    BadInputError
-        If none is left.
+    Messages that are cut, have an impossible orbit or are repeated are counted as unused.
     """
-    counts = Counter[tuple[str, str]]()
-    messages, models = list[_Message](), list[FloatArray]()
+    counts, what = Counter[tuple[str, str]](), "broadcast message"
+    first = dict[str, str]()  # reasons with the line that broke the rule first
+    messages, models = list[_Message](), list[FloatArray]([np.zeros(8)])
     for header, text in zip(headers, texts, strict=True):
         body = text[header.size :].tobytes().decode("latin-1").rstrip("\x1a\0")
-        messages += _messages(header, body, counts)
-        is_broken = any(what == "broadcast message" for what, _ in counts)
+        for number, lines in _split(body, int(header.version)):
+            message = _message(header, lines)
+            if isinstance(message, _Message):
+                messages.append(message)
+                continue
+            kind, reason = message
+            if kind == what:
+                line = header.lines + number
+                reason = first.setdefault(reason, f"{reason}, line {line} first")
+            counts[kind, reason] += 1
+        is_broken = any(kind == what for kind, _ in counts)
         if body.strip() and not (body.endswith("\n") or is_broken):
             reason = "the last line has no line end: it may be cut"
             counts[f"{header.path.name} line end", reason] = 1
-        models += [one for one in [_klobuchar(header, body)] if one.any()]
-    what = "broadcast message"
+        model = _klobuchar(header, body)
+        models += [model] if model.any() else []
     records = np.zeros(0, EPHEMERIS_DTYPE)
     if messages:
         records, fits = _records(messages, start_gps_s)
@@ -116,39 +101,29 @@ def to_broadcast(
             f"{headers[0].path}: must hold a GPS, Galileo, BeiDou or QZSS message, has none; "
             f"{reason}"
         )
-    klobuchar = models[-1] if models else np.zeros(8)
     unused = unused_of(dict(sorted(counts.items())))
-    return BroadcastOrbits(records=records, klobuchar=klobuchar, unused=unused)
+    return BroadcastOrbits(records=records, klobuchar=models[-1], unused=unused)
 
 
-def _messages(header: Header, body: str, counts: Counter[tuple[str, str]]) -> list[_Message]:
-    """Return the messages that can be decoded; count the others by their reason."""
-    version, found, first_of = int(header.version), list[_Message](), dict[str, str]()
-    for number, lines in _split(body, version):
-        begin = _BEGIN[version].match(lines[0])
-        kind, name, of = begin.groups() if begin and version == 4 else ("EPH", "", "")
-        if begin and version < 4:
-            name = f"{header.system}{begin[1]}" if version == 2 else begin[1]
-        name = name.replace(" ", "0")
-        owner = CONSTELLATIONS.get(name[:1])
-        decoded: _Message | str = "begins with no satellite and date"
-        if kind != "EPH":
-            counts[f"{kind} record", "not an ephemeris"] += 1
-        elif begin and (name[0] not in USED or name[0] == "R"):
-            counts[f"{owner.name if owner else name[0]} message", "constellation not used"] += 1
-        elif begin and of and of not in _DECODED:
-            counts[f"{name[0]} {of} message", "type not used"] += 1
-        elif begin and not is_known(name):
-            counts[f"{name} message", "of a number that is not used"] += 1
-        else:
-            if begin:
-                decoded = _decoded(name, lines[version == 4 :], min(version, 3))
-            if isinstance(decoded, str):
-                reason = f"{decoded}, line {header.lines + number} first"
-                counts["broadcast message", first_of.setdefault(decoded, reason)] += 1
-            else:
-                found.append(decoded)
-    return found
+def _message(header: Header, lines: Sequence[str]) -> "_Message | tuple[str, str]":
+    """Return the message of a record, or what the record is and why it is not used."""
+    version = int(header.version)
+    begin = _BEGIN[version].match(lines[0])
+    if begin is None:
+        return "broadcast message", "begins with no satellite and date"
+    kind, name, of = begin.groups() if version == 4 else ("EPH", begin[1], "")
+    name = (f"{header.system}{name}" if version == 2 else name).replace(" ", "0")
+    if kind != "EPH":
+        return f"{kind} record", "not an ephemeris"
+    if name[0] not in USED or name[0] == "R":
+        owner = CONSTELLATIONS.get(name[0])
+        return f"{owner.name if owner else name[0]} message", "constellation not used"
+    if of and of not in _DECODED:
+        return f"{name[0]} {of} message", "type not used"
+    if not is_known(name):
+        return f"{name} message", "of a number that is not used"
+    decoded = _decoded(name, lines[version == 4 :], min(version, 3))
+    return ("broadcast message", decoded) if isinstance(decoded, str) else decoded
 
 
 def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
@@ -166,7 +141,7 @@ def _split(body: str, version: int) -> Iterator[tuple[int, list[str]]]:
         yield first, lines
 
 
-def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
+def _decoded(name: str, lines: Sequence[str], version: int) -> _Message | str:
     """Return the message of a record's lines, or the rule that it breaks."""
     begin = _BEGIN[version].match(lines[0]) if lines else None
     if begin is None or len(lines) != _ROWS:
@@ -180,7 +155,7 @@ def _decoded(name: str, lines: list[str], version: int) -> _Message | str:
     words = [lines[0][shift + _WIDTH * k :][:_WIDTH] for k in range(1, 4)]
     later = 3 if version == 2 else 4
     words += [one[later + _WIDTH * k :][:_WIDTH] for one in lines[1:] for k in range(4)]
-    words = [word if k <= FIT and word.strip() else "" for k, word in enumerate(words)]
+    words = [word if k < len(COLUMNS) and word.strip() else "" for k, word in enumerate(words)]
     is_whole = all(words[k] for k in _NEEDED)
     is_whole &= not any(one[later + 4 * _WIDTH :].strip() for one in lines[1:])
     if not is_whole or not all(_NUMBER.fullmatch(word) for word in words if word):
@@ -196,30 +171,34 @@ def _records(
 
     The time of ephemeris is the one nearest to the time of clock: week numbers may have begun anew.
     """
-    x = np.array([one.numbers for one in messages])
-    names = np.array([one.satellite for one in messages], "U3")
-    records = np.zeros(len(names), EPHEMERIS_DTYPE)
-    records["satellite"] = names
-    for field, column in PLAIN.items():
-        records[field] = x[:, column]
+    x = dict(zip(COLUMNS, np.array([message.numbers for message in messages]).T, strict=False))
+    names = np.array([message.satellite for message in messages], "U3")
     galileo, beidou = (np.char.startswith(names, letter) for letter in "EC")
-    records["semi_major_axis_m"] = x[:, ROOT_A] ** 2
+    behind_s = BDT_BEHIND_GPS_S * beidou
     # since 1980, as are those below
-    toc_s = np.array([one.clock_time_s for one in messages]) + BDT_BEHIND_GPS_S * beidou
-    toe_s = _nearest_s(x[:, PLAIN["toe_sow_s"]] + BDT_BEHIND_GPS_S * beidou, toc_s)
-    ttr_s = _nearest_s(x[:, TRANSMISSION] + BDT_BEHIND_GPS_S * beidou, toe_s)
+    toc_s = np.array([message.clock_time_s for message in messages]) + behind_s
+    toe_s = _nearest_s(x["toe_sow_s"] + behind_s, toc_s)
+    ttr_s = _nearest_s(x["transmission_s"] + behind_s, toe_s)
     # An unknown time of transmission is written 0.9999E+09 or left blank.
-    stated = (np.abs(x[:, TRANSMISSION]) < 2 * WEEK_S) & (np.abs(ttr_s - toe_s) < _DAY_S)
-    records["toe_s"], records["toc_s"] = toe_s - start_gps_s, toc_s - start_gps_s
-    records["transmission_s"] = np.where(stated, ttr_s, toe_s) - start_gps_s
-    records["group_delay_s"] = x[:, DELAYS]
-    records["group_delay_s"][~(galileo | beidou), 1] = 0.0  # there stands the issue of the clock
-    accuracy_m = x[:, ACCURACY]
+    stated = (np.abs(x["transmission_s"]) < 2 * WEEK_S) & (np.abs(ttr_s - toe_s) < _DAY_S)
+    accuracy_m = x["accuracy_m"]
     sisa_m = np.where((accuracy_m >= 0) & (accuracy_m <= _LARGEST_SISA_M), accuracy_m, np.inf)
     ura_m = URA_M[np.searchsorted(URA_M, accuracy_m).clip(0, 15)]
-    records["accuracy_m"] = np.minimum(np.where(galileo, sisa_m, ura_m), _NO_ACCURACY_M)
-    records["data_source"] = np.where(galileo, x[:, DATA_SOURCE], 0)
-    weeks = x[:, WEEK] + BDT_WEEK * beidou - np.floor(toe_s / WEEK_S)
+    second_s = x["delay_2_s"] * (galileo | beidou)  # else there stands the issue of the clock
+    values = {name: x[name] for name in FIELDS} | {
+        "satellite": names,
+        "toe_s": toe_s - start_gps_s,
+        "toc_s": toc_s - start_gps_s,
+        "transmission_s": np.where(stated, ttr_s, toe_s) - start_gps_s,
+        "semi_major_axis_m": x["root_a"] ** 2,
+        "group_delay_s": np.stack([x["delay_1_s"], second_s], axis=1),
+        "accuracy_m": np.minimum(np.where(galileo, sisa_m, ura_m), _NO_ACCURACY_M),
+        "data_source": np.where(galileo, x["data_source"], 0),
+    }
+    records = np.zeros(len(names), EPHEMERIS_DTYPE)
+    for name, column in values.items():
+        records[name] = column
+    weeks = x["week"] + BDT_WEEK * beidou - np.floor(toe_s / WEEK_S)
     return records, np.abs((weeks + _WEEKS // 2) % _WEEKS - _WEEKS // 2) <= 1
 
 

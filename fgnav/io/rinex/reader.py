@@ -15,7 +15,13 @@ from fgnav.types.orbits import BroadcastOrbits
 
 
 def read_navigation(paths: Sequence[Path], start_gps_s: float) -> BroadcastOrbits:
-    """Read broadcast messages, as ``read_rinex`` does, of one file or more."""
+    """Read broadcast messages, as ``read_rinex`` does, of one file or more.
+
+    Examples
+    --------
+    >>> read_navigation([Path("demo/flight/broadcast.rnx")], 1_277_078_400.0).records["satellite"]
+    array(['C11', 'E07', 'G05', 'J02'], dtype='<U3')
+    """
     broadcast, _ = read_rinex(paths, [], start_gps_s)
     if broadcast is None:
         raise BadInputError("navigation: must name a file, the list is empty")
@@ -28,16 +34,12 @@ def read_rinex(
     start_gps_s: float,
     signals: Mapping[str, Sequence[str]] | None = None,
 ) -> tuple[BroadcastOrbits | None, list[Observations]]:
-    """Read broadcast messages and several receivers' files.
+    """Read broadcast messages and several receivers' files, of RINEX 2, 3 or 4.
 
     Parameters
     ----------
-    messages : sequence of Path
-        RINEX 2, 3 or 4 navigation files, plain or packed.
-    receivers : sequence of Path
-        RINEX 2, 3 or 4 observation files, plain, packed or Hatanaka.
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
+    messages, receivers : sequence of Path
+        Navigation and observation files, plain, packed or Hatanaka.
     signals : mapping of str to sequence of str
         Those wanted, by constellation letter; by default all of three carriers.
 
@@ -48,10 +50,11 @@ def read_rinex(
     list of Observations
         Of one antenna each, in the order of the paths.
 
-    Raises
-    ------
-    BadInputError
-        Naming file, line, rule and value.
+    Examples
+    --------
+    >>> _, (observations,) = read_rinex([], [Path("demo/flight/a1.rnx")], 1_277_078_400.0)
+    >>> observations.satellites[0], observations.signals[0]
+    ('C11', '2I')
     """
     texts = [read_text(path) for path in receivers]
     headers = [read_header(p, t, "observations") for p, t in zip(receivers, texts, strict=True)]

@@ -33,7 +33,7 @@ class Body(NamedTuple):
     units: FloatArray  # (128, t), thousandths in a unit
 
 
-class Found(NamedTuple):
+class ScanArrays(NamedTuple):
     """Arrays that a scan fills."""
 
     epochs: IntArray  # (l, 4), as ``TICKS`` and ``FLAG``
@@ -235,7 +235,7 @@ def _fields(
 
 @kernel
 def _satellites(
-    body: Body, line: int, mark: IntArray, seen: IntArray, found: Found, epoch: int, new: int
+    body: Body, line: int, mark: IntArray, seen: IntArray, arrays: ScanArrays, epoch: int, new: int
 ) -> tuple[int, int, int]:
     """Read the satellites of an epoch; return rule, line and column of the first broken one."""
     is_2 = body.rows > 0
@@ -254,17 +254,17 @@ def _satellites(
         if letter >= 128 or body.types[letter] == 0 or number < 1 or seen[letter, number] == line:
             return SATELLITE, at, 0
         seen[letter, number] = line
-        values, locks = found.values[new + k], found.locks[new + k]
+        values, locks = arrays.values[new + k], arrays.locks[new + k]
         row, column = _fields(body, at, 0 if is_2 else 3, letter, values, locks)
         if column:
             return VALUE, row, column
-        record = found.records[new + k]
+        record = arrays.records[new + k]
         record[0], record[1], record[2] = epoch, letter, number
     return 0, line, 0
 
 
 @kernel
-def scan(body: Body, found: Found) -> IntArray:
+def scan(body: Body, arrays: ScanArrays) -> IntArray:
     """Read epochs, the satellites of each and their fields.
 
     Returns
@@ -280,7 +280,7 @@ def scan(body: Body, found: Found) -> IntArray:
         is_mark = _begins(body, line, mark)
         after = _after(body, line, mark) if is_mark else -1
         if is_mark and mark[FLAG] > 1:
-            event = found.events[events]
+            event = arrays.events[events]
             event[0], event[1], event[2], event[3] = mark[FLAG], mark[ANNOUNCED], line, after
             events += 1
             line = _next_line(body, after)
@@ -288,14 +288,14 @@ def scan(body: Body, found: Found) -> IntArray:
         rule, at, ahead = _extent(body, line, after)
         column = 0
         if rule == 0:
-            rule, at, column = _satellites(body, line, mark, seen, found, epochs, records)
+            rule, at, column = _satellites(body, line, mark, seen, arrays, epochs, records)
         if rule:
-            fault = found.faults[faults]
+            fault = arrays.faults[faults]
             fault[0], fault[1], fault[2] = rule, at, column
             faults += 1
         else:
             for k in range(4):  # to assign a row would compile the texts of its errors, too
-                found.epochs[epochs, k] = mark[k]
+                arrays.epochs[epochs, k] = mark[k]
             epochs += 1
             records += mark[ANNOUNCED]
         line = ahead

@@ -16,7 +16,7 @@ Wanted: TypeAlias = Mapping[str, Sequence[str]]  # signals by constellation lett
 
 
 class Field(NamedTuple):
-    """What a field of a satellite's record may hold."""
+    """Quantity and signals of a field of a satellite's record."""
 
     quantity: int  # of ``QUANTITIES``, -1 of another
     signals: tuple[str, ...]
@@ -24,7 +24,7 @@ class Field(NamedTuple):
 
 
 def fields_of(header: Header, letter: str) -> list[Field]:
-    """Return what the fields of a constellation's records hold."""
+    """Return the fields of a constellation's records."""
     types = header.types.get(letter, ())
     if header.version >= 3:
         return [Field(QUANTITIES.find(name[0]), (name[1:],)) for name in types]
@@ -51,13 +51,7 @@ def is_kept(letter: str, signal: str, wanted: Wanted) -> bool:
 
 
 def check_wanted(headers: Sequence[Header], wanted: Wanted) -> None:
-    """Raise unless some file has each signal that is wanted.
-
-    Raises
-    ------
-    BadInputError
-        The text names those that they have.
-    """
+    """Raise unless some file has each signal that is wanted."""
     offered = {
         (letter, signal)
         for header in headers

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fgnav.checks import BadInputError
-from fgnav.io.user_files import read_bytes, unmarked
+from fgnav.io.user_files import read_bytes, remove_mark
 
 Bytes = NDArray[np.uint8]
 _MOST_CUT_LINES = 200  # of an epoch: a line a satellite
@@ -17,23 +17,11 @@ _BLANK_LINES = re.compile(rb"\A(?:[ \t]*\r?\n)+")
 
 
 def read_text(path: Path) -> Bytes:
-    """Return the plain RINEX text of a file.
+    """Return the plain text of a file, read-only.
 
-    Parameters
-    ----------
-    path : Path
-        Plain, packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx); told by content, not by name.
-
-    Returns
-    -------
-    ndarray of uint8, read-only
-
-    Raises
-    ------
-    BadInputError
-        If the file is missing, empty, packed otherwise or damaged in its packing.
+    It may be packed (.gz, .Z, .bz2, .xz, .zip) or Hatanaka's (.crx), told by content, not by name.
     """
-    content = unmarked(read_bytes(path, is_text=True))
+    content = remove_mark(read_bytes(path, is_text=True))
     content = _BLANK_LINES.sub(b"", content, count=1)
     if b"COMPACT RINEX FORMAT" in content[:200]:
         content = _plain(path, content)

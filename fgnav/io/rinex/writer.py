@@ -1,5 +1,6 @@
 """Writing RINEX 3.04 and 4.00: observations of one antenna, broadcast messages."""
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -9,16 +10,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, FloatArray, IntArray
 from fgnav.io.gps_time import BDT_BEHIND_GPS_S, TICKS_PER_S, WEEK_S, gps_s_to_date, to_ticks
 from fgnav.io.rinex.constellations import USED
-from fgnav.io.rinex.navigation import (
-    ACCURACY,
-    BDT_WEEK,
-    DATA_SOURCE,
-    DELAYS,
-    PLAIN,
-    ROOT_A,
-    TRANSMISSION,
-    WEEK,
-)
+from fgnav.io.rinex.navigation import BDT_WEEK, COLUMNS, FIELDS
 from fgnav.types.observations import Observations
 from fgnav.types.orbits import BroadcastOrbits
 
@@ -26,13 +18,10 @@ RinexVersion: TypeAlias = Literal["3.04", "4.00"]
 
 _EPOCHS_AT_ONCE = 2000
 _FIELD = 16  # columns: F14.3, loss-of-lock indicator, signal strength
+_TYPES_A_LINE = 13
 _FNAV = 1 << 1  # of a Galileo message's data source
 _GEO = {f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64))}  # they broadcast D2
 _LARGEST = 999_999_999.999  # of a negative value in F14.3
-
-
-def _line(content: str, label: str) -> str:
-    return f"{content:<60s}{label}\n"
 
 
 def write_observations(
@@ -53,24 +42,22 @@ def write_observations(
     ----------
     antenna : int
         Which of its antennas.
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
     marker : str
         Name of the antenna.
     position_e_m : ndarray, shape (3,)
         Approximate position for the header.
-    version : {"3.04", "4.00"}
 
-    Raises
-    ------
-    BadInputError
-        If a value does not fit its columns, or a constellation has no place in the file.
+    Examples
+    --------
+    >>> flight = load_flight("demo/flight")
+    >>> place = {"start_gps_s": flight.start_gps_s, "position_e_m": flight.origin.p_e_m}
+    >>> write_observations(Path("a.rnx"), flight.observations, 0, marker="a1", **place)
     """
-    _check_version(version)
     for satellite in observations.satellites:
         if satellite[0] not in USED:
             raise BadInputError(f"{path}: satellite must be of {', '.join(USED)}, got {satellite}")
-    ticks = to_ticks(start_gps_s) + _ticks(observations.tag_s[:, antenna])
+    tag_s = observations.tag_s[:, antenna]
+    ticks = to_ticks(start_gps_s) + np.round(tag_s * TICKS_PER_S).astype(np.int64)
     names, channels, signals = _layout(observations)
     arrays = [
         getattr(observations, name)[:, antenna]
@@ -82,16 +69,76 @@ def write_observations(
             raise BadInputError(
                 f"{path}: values must be within {_LARGEST}, RINEX has no more columns"
             )
+    system = "M (MIXED)" if len(signals) != 1 else next(iter(signals))
+    head = [_first_line(version, "OBSERVATION DATA", system), *_head(marker, position_e_m, signals)]
+    if len(ticks) > 1:
+        head.append((f"{np.median(np.diff(ticks)) / TICKS_PER_S:10.3f}", "INTERVAL"))
+    for k, label in ((0, "FIRST"), (-1, "LAST")) if len(ticks) else ():
+        *date, second = gps_s_to_date(int(ticks[k]) // TICKS_PER_S)
+        content = "".join(f"{number:6d}" for number in date)
+        content += f"{second:5d}.{int(ticks[k]) % TICKS_PER_S:07d}     GPS"
+        head.append((content, f"TIME OF {label} OBS"))
+    head += [*((letter, "SYS / PHASE SHIFT") for letter in signals), ("", "END OF HEADER")]
     with path.open("wb") as file:
-        file.write(_head(version, marker, position_e_m, signals, ticks).encode("ascii"))
+        file.write(_lines(head).encode("ascii"))
         for k in range(0, len(ticks), _EPOCHS_AT_ONCE):
-            part = slice(k, k + _EPOCHS_AT_ONCE)
-            values = np.stack([value[part] for value in arrays], axis=-1)
-            file.write(_epochs(ticks[part], names, channels, values, flags[part]))
+            some = slice(k, k + _EPOCHS_AT_ONCE)
+            values = np.stack([value[some] for value in arrays], axis=-1)
+            file.write(_epochs(ticks[some], names, channels, values, flags[some]))
+
+
+def _lines(head: Iterable[tuple[str, str]]) -> str:
+    return "".join(f"{content:<60s}{label}\n" for content, label in head)
+
+
+def _first_line(version: str, kind: str, system: str) -> tuple[str, str]:
+    if version not in get_args(RinexVersion):
+        raise BadInputError(f"RINEX version: must be 3.04 or 4.00, got {version!r}")
+    return f"{version:>9s}{'':11s}{kind:20s}{system}", "RINEX VERSION / TYPE"
+
+
+def _head(
+    marker: str, position_e_m: FloatArray, signals: dict[str, list[str]]
+) -> list[tuple[str, str]]:
+    """Return lines of an observation file's head, without date: equal flights give equal files."""
+    lines = [
+        ("fgnav", "PGM / RUN BY / DATE"),
+        (marker.encode("ascii", "replace").decode("ascii")[:60], "MARKER NAME"),
+        ("", "OBSERVER / AGENCY"),
+        ("", "REC # / TYPE / VERS"),
+        ("", "ANT # / TYPE"),
+        ("".join(f"{x:14.4f}" for x in position_e_m), "APPROX POSITION XYZ"),
+        (f"{0:14.4f}" * 3, "ANTENNA: DELTA H/E/N"),
+    ]
+    for letter, names in signals.items():
+        types = [c + name for name in names for c in "CLDS"]
+        for k in range(0, len(types), _TYPES_A_LINE):
+            start = f"{letter}  {len(types):3d}" if k == 0 else ""
+            content = f"{start:6s}" + "".join(f" {t}" for t in types[k : k + _TYPES_A_LINE])
+            lines.append((content, "SYS / # / OBS TYPES"))
+    return [*lines, ("DBHZ", "SIGNAL STRENGTH UNIT")]
+
+
+def _layout(observations: Observations) -> tuple[list[str], IntArray, dict[str, list[str]]]:
+    """Return satellites, (s,), their channels, (s, c), and the signals by constellation."""
+    pairs = list(zip(observations.satellites, observations.signals, strict=True))
+    signals: dict[str, list[str]] = {}
+    for satellite, signal in sorted(pairs):
+        mine = signals.setdefault(satellite[0], [])
+        if signal not in mine:
+            mine.append(signal)
+    satellites = sorted(set(observations.satellites))
+    column = {pair: k for k, pair in enumerate(pairs)}
+    most = max((len(s) for s in signals.values()), default=0)
+    channels = np.full((len(satellites), most), -1)
+    for i, satellite in enumerate(satellites):
+        for k, signal in enumerate(signals[satellite[0]]):
+            channels[i, k] = column.get((satellite, signal), -1)
+    return satellites, channels, signals
 
 
 def _epochs(
-    ticks: IntArray, names: list[str], channels: IntArray, values: FloatArray, flags: IntArray
+    ticks: IntArray, names: Sequence[str], channels: IntArray, values: FloatArray, flags: IntArray
 ) -> bytes:
     """Return epochs as text.
 
@@ -115,76 +162,21 @@ def _epochs(
     fields[~np.isfinite(some)] = ord(" ")
     fields[:, :, 1, 14] = np.where(lost > 0, ord("0") + lost, ord(" "))
     content, width = fields.tobytes(), fields[0].size if len(fields) else 1
-    rows = [content[k : k + width].rstrip() for k in range(0, len(content), width)]
-    labels = [names[k].encode("ascii") for k in satellite.tolist()]
-    lines = [label + row + b"\n" for label, row in zip(labels, rows, strict=True)]
+    records = (content[k : k + width].rstrip() for k in range(0, len(content), width))
+    labels = (names[k].encode("ascii") for k in satellite.tolist())
+    lines = [label + record + b"\n" for label, record in zip(labels, records, strict=True)]
     ends = np.cumsum(is_measured.sum(axis=1)).tolist()
     out = []
     for tick, begin, end in zip(ticks.tolist(), [0, *ends], ends, strict=False):
-        date = " ".join(f"{part:02d}" for part in gps_s_to_date(tick // TICKS_PER_S)[:5])
         second = (tick % (60 * TICKS_PER_S)) / TICKS_PER_S
-        out += [f"> {date}{second:11.7f}  0{end - begin:3d}\n".encode("ascii"), *lines[begin:end]]
+        date = f"> {_date(tick // TICKS_PER_S, 5)}{second:11.7f}  0{end - begin:3d}\n"
+        out += [date.encode("ascii"), *lines[begin:end]]
     return b"".join(out)
 
 
-def _ticks(tag_s: FloatArray) -> IntArray:
-    return np.round(tag_s * TICKS_PER_S).astype(np.int64)
-
-
-def _layout(observations: Observations) -> tuple[list[str], IntArray, dict[str, list[str]]]:
-    """Return satellites, (s,), their channels, (s, c), and the signals by constellation."""
-    pairs = list(zip(observations.satellites, observations.signals, strict=True))
-    signals: dict[str, list[str]] = {}
-    for satellite, signal in sorted(pairs):
-        mine = signals.setdefault(satellite[0], [])
-        if signal not in mine:
-            mine.append(signal)
-    satellites = sorted(set(observations.satellites))
-    column = {pair: k for k, pair in enumerate(pairs)}
-    most = max((len(s) for s in signals.values()), default=0)
-    channels = np.full((len(satellites), most), -1)
-    for row, satellite in enumerate(satellites):
-        for k, signal in enumerate(signals[satellite[0]]):
-            channels[row, k] = column.get((satellite, signal), -1)
-    return satellites, channels, signals
-
-
-def _head(
-    version: str,
-    marker: str,
-    position_e_m: FloatArray,
-    signals: dict[str, list[str]],
-    ticks: IntArray,
-) -> str:
-    """Return the head of an observation file, without date: equal flights give equal files."""
-    marker = marker.encode("ascii", "replace").decode("ascii")[:60]
-    system = "M (MIXED)" if len(signals) != 1 else next(iter(signals))
-    lines = [
-        _line(f"{version:>9s}{'':11s}{'OBSERVATION DATA':20s}{system}", "RINEX VERSION / TYPE"),
-        _line("fgnav", "PGM / RUN BY / DATE"),
-        _line(marker, "MARKER NAME"),
-        _line("", "OBSERVER / AGENCY"),
-        _line("", "REC # / TYPE / VERS"),
-        _line("", "ANT # / TYPE"),
-        _line("".join(f"{x:14.4f}" for x in position_e_m), "APPROX POSITION XYZ"),
-        _line(f"{0:14.4f}" * 3, "ANTENNA: DELTA H/E/N"),
-    ]
-    for letter, names in signals.items():
-        types = [c + name for name in names for c in "CLDS"]
-        for k in range(0, len(types), 13):
-            start = f"{letter}  {len(types):3d}" if k == 0 else ""
-            content = f"{start:6s}" + "".join(f" {t}" for t in types[k : k + 13])
-            lines.append(_line(content, "SYS / # / OBS TYPES"))
-    lines.append(_line("DBHZ", "SIGNAL STRENGTH UNIT"))
-    if len(ticks) > 1:
-        lines.append(_line(f"{np.median(np.diff(ticks)) / TICKS_PER_S:10.3f}", "INTERVAL"))
-    for k, label in ((0, "FIRST"), (-1, "LAST")) if len(ticks) else ():
-        *date, second = gps_s_to_date(int(ticks[k]) // TICKS_PER_S)
-        content = "".join(f"{part:6d}" for part in date)
-        content += f"{second:5d}.{int(ticks[k]) % TICKS_PER_S:07d}     GPS"
-        lines.append(_line(content, f"TIME OF {label} OBS"))
-    lines += [_line(letter, "SYS / PHASE SHIFT") for letter in signals]
-    return "".join(lines) + _line("", "END OF HEADER")
+def _date(gps_s: float, numbers: int = 6) -> str:
+    """Return year, month, day, hour, minute and second, or the first of these."""
+    return " ".join(f"{number:02d}" for number in gps_s_to_date(gps_s)[:numbers])
 
 
 def write_navigation(
@@ -194,40 +186,27 @@ def write_navigation(
 
     RINEX 4 has no ionosphere in its header: the model is a record of the first GPS satellite.
 
-    Parameters
-    ----------
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
-    version : {"3.04", "4.00"}
-
-    Raises
-    ------
-    BadInputError
-        If a time of clock is not a whole second, which RINEX cannot express.
+    Examples
+    --------
+    >>> flight = load_flight("demo/flight")
+    >>> write_navigation(Path("n.rnx"), flight.broadcast, start_gps_s=flight.start_gps_s)
     """
-    _check_version(version)
-    fourth, model = version == "4.00", broadcast.klobuchar
-    lines = [
-        _line(f"{version:>9s}{'':11s}{'NAVIGATION DATA':20s}M", "RINEX VERSION / TYPE"),
-        _line("fgnav", "PGM / RUN BY / DATE"),
-    ]
-    if model.any() and not fourth:
-        for name, part in (("GPSA", model[:4]), ("GPSB", model[4:])):
-            content = f"{name} " + "".join(f"{value:12.4E}" for value in part)
-            lines.append(_line(content, "IONOSPHERIC CORR"))
-    lines.append(_line("", "END OF HEADER"))
+    is_fourth, model = version == "4.00", broadcast.klobuchar
+    head = [_first_line(version, "NAVIGATION DATA", "M"), ("fgnav", "PGM / RUN BY / DATE")]
+    for name, four in (("GPSA", model[:4]), ("GPSB", model[4:])):
+        if model.any() and not is_fourth:
+            content = "".join(f"{value:12.4E}" for value in four)
+            head.append((f"{name} {content}", "IONOSPHERIC CORR"))
+    text = [_lines([*head, ("", "END OF HEADER")])]
     for record in broadcast.records:
-        if fourth:
-            lines.append(f"> EPH {record['satellite']} {_type(record)}\n")
-        lines.append(_message(path, record, start_gps_s))
-    if model.any() and fourth:  # last: RTKLIB 2.5 skips what follows a record it does not know
-        lines.append(_ionosphere(model, start_gps_s))
-    path.write_text("".join(lines), encoding="ascii")
-
-
-def _check_version(version: str) -> None:
-    if version not in get_args(RinexVersion):
-        raise BadInputError(f"RINEX version: must be 3.04 or 4.00, got {version!r}")
+        if is_fourth:
+            text.append(f"> EPH {record['satellite']} {_type(record)}\n")
+        text.append(_message(path, record, start_gps_s))
+    if model.any() and is_fourth:  # last: RTKLIB 2.5 skips what follows a record it does not know
+        words = [_date(start_gps_s), *(f"{value:19.12E}" for value in (*model, 0.0))]
+        rows = ["".join(words[k:end]) for k, end in ((0, 4), (4, 8), (8, 10))]
+        text += ["> ION G01 LNAV\n", *(f"    {content}\n" for content in rows)]
+    path.write_text("".join(text), encoding="ascii")
 
 
 def _type(record: NDArray[Any]) -> str:
@@ -240,40 +219,27 @@ def _type(record: NDArray[Any]) -> str:
     return "LNAV"
 
 
-def _ionosphere(klobuchar: FloatArray, start_gps_s: float) -> str:
-    """Return the record of the GPS ionosphere model (RINEX 4.00, table A33), worldwide."""
-    date = gps_s_to_date(start_gps_s)
-    first = "    " + " ".join(f"{part:02d}" for part in date)
-    fields = [f"{value:19.12E}" for value in (*klobuchar, 0.0)]
-    rows = [
-        first + "".join(fields[:3]),
-        "    " + "".join(fields[3:7]),
-        "    " + "".join(fields[7:]),
-    ]
-    return "> ION G01 LNAV\n" + "".join(f"{row}\n" for row in rows)
-
-
 def _message(path: Path, record: NDArray[Any], start_gps_s: float) -> str:
     """Return the eight lines of a message."""
     letter = str(record["satellite"])[0]
     behind_s = BDT_BEHIND_GPS_S if letter == "C" else 0
-    toc_s = start_gps_s + float(record["toc_s"]) - behind_s
+    toc_s, toe_s, sent_s = (
+        start_gps_s + float(record[name]) - behind_s
+        for name in ("toc_s", "toe_s", "transmission_s")
+    )
     if abs(toc_s - round(toc_s)) > 1e-3:
         raise BadInputError(f"{path}: time of clock must be a whole second, got {toc_s:.6f}")
-    toe_s, sent_s = (start_gps_s + float(record[n]) - behind_s for n in ("toe_s", "transmission_s"))
     week = int(toe_s // WEEK_S)
-    numbers = np.zeros(32)  # the last is spare
-    for field, column in PLAIN.items():
-        numbers[column] = record[field]
-    numbers[ROOT_A] = np.sqrt(record["semi_major_axis_m"])
-    numbers[DATA_SOURCE] = record["data_source"]
-    numbers[WEEK] = week - (BDT_WEEK if letter == "C" else 0)
-    numbers[ACCURACY] = record["accuracy_m"]
-    numbers[DELAYS] = record["group_delay_s"]
-    numbers[TRANSMISSION] = sent_s - week * WEEK_S
+    values = {name: float(record[name]) for name in FIELDS} | {
+        "root_a": float(np.sqrt(record["semi_major_axis_m"])),
+        "week": week - (BDT_WEEK if letter == "C" else 0),
+        "delay_1_s": float(record["group_delay_s"][0]),
+        "delay_2_s": float(record["group_delay_s"][1]),
+        "transmission_s": sent_s - week * WEEK_S,
+    }
     if letter not in "EC":
-        numbers[DELAYS.stop - 1], numbers[TRANSMISSION + 1] = record["issue"], 4.0  # IODC, hours
-    date = " ".join(f"{part:02d}" for part in gps_s_to_date(round(toc_s)))
-    words = [f"{x:19.12E}" for x in numbers.tolist()]
-    rows = ["    " + "".join(words[k : k + 4]) for k in range(3, 31, 4)]
-    return "\n".join([f"{record['satellite']} {date}{''.join(words[:3])}", *rows, ""])
+        values |= {"delay_2_s": float(record["issue"]), "fit": 4.0}  # IODC, hours
+    words = [f"{values.get(name, 0.0):19.12E}" for name in (*COLUMNS, "", "")]
+    rows = ["    " + "".join(words[k : k + 4]) for k in range(3, len(words), 4)]
+    first = f"{record['satellite']} {_date(round(toc_s))}{''.join(words[:3])}"
+    return "\n".join([first, *rows, ""])

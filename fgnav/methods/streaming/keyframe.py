@@ -1,11 +1,12 @@
 """A keyframe of a stream as a smoothing problem of two rows: the first is there for its time."""
 
+from itertools import chain
+
 import numpy as np
 
 from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
-    of_vehicle,
     with_landmark,
 )
 from fgnav.assembly.position.series import VectorSeries
@@ -75,7 +76,7 @@ def _sensors(
     sensors: list[Sensor] = []
     if now.array is not None:
         every, none = now.array[np.zeros(n, dtype=np.int64)], np.full(n, -1, dtype=np.int64)
-        sensors += array_sensors(every, None, (), np.arange(n) == n - 1, none, (None, False))
+        sensors += array_sensors(every, None, np.arange(n) == n - 1, none, (None, False))
     if now.imu.w_b_radps is not None:
         newest = [np.interp(now.t_s, now.imu.t_s, column) for column in now.imu.w_b_radps.T]
         rates = np.tile(newest, (n, 1))
@@ -108,9 +109,8 @@ def _sensors(
 def _constants(
     config: StreamConfig, of_instruments: tuple[Parameter, ...], *, gyroscope: bool
 ) -> Parameters:
-    parts = tuple(of_vehicle(word) for word in calibration_requests(config.calibrate))
-    if config.landmark_n_m is not None:
-        parts = with_landmark(parts, config.landmark_n_m)
+    requested = [one.parameters() for one in calibration_requests(config.calibrate)]
+    parts = with_landmark(tuple(chain.from_iterable(requested)), config.landmark_n_m)
     parts = (*parts, *of_instruments)
     return Parameters(parts if gyroscope else (*parts, mean_rate()))
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from fgnav.assembly.truncation import BY_CHANNEL, BY_EPOCH, truncated
+from fgnav.assembly.truncation import BY_CHANNEL, truncated
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.types.flight import Flight
 from fgnav.types.instruments import Samples
 from fgnav.types.instruments import joined as concatenate_samples
-from fgnav.types.observations import Observations
+from fgnav.types.observations import BY_EPOCH, Observations
 
 _SAME_S = 1e-3  # epochs of vehicle and base this close are one
 

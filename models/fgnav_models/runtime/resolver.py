@@ -11,7 +11,7 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray, Unused
 from fgnav.integers.acceptance import HANDED_OVER, WITHOUT_CODE, not_fixed, phase_links
 from fgnav.integers.arcs.resolver import Arcs, noise_as_shown
 from fgnav.integers.array.candidates import Candidates, candidates
-from fgnav.integers.array.noise import with_estimated_noise, with_noise_so_far
+from fgnav.integers.array.noise import with_estimated_noise
 from fgnav.integers.identification import touched
 from fgnav.integers.resolvers.constrained import Constrained
 from fgnav.neural.integers import integer_answers
@@ -102,8 +102,8 @@ class Network:
         """
         network = _loaded(self.model)
         if self.fallback.estimate_noise:
-            estimated = with_noise_so_far if self.causal else with_estimated_noise
-            differences = estimated(differences, self.fallback.nodes)
+            nodes = self.fallback.nodes
+            differences = with_estimated_noise(differences, nodes, causal=self.causal)
         outside = outside_domain(differences, network.manifest.domain)
         if differences.phase_m.shape[1] + 1 < self.fewest_antennas:
             outside = (f"fewer than {self.fewest_antennas} antennas",) * len(outside)

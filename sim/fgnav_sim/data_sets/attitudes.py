@@ -1,4 +1,4 @@
-"""How the bodies of a data set are turned."""
+"""Attitudes of the bodies of a data set."""
 
 from typing import Literal, TypeAlias
 

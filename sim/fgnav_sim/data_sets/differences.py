@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.types.differences import DoubleDifferences
 from fgnav_sim.data_sets.epochs import ArrayEpochs
 
@@ -15,22 +15,8 @@ def double_differences_of(epochs: ArrayEpochs) -> DoubleDifferences:
     The reference of a group is its highest satellite. Runs follow each other in time, an hour
     apart, wherever on Earth they were. A slot whose satellite changes is named by its number:
     ``"G#2"``.
-
-    Parameters
-    ----------
-    epochs : ArrayEpochs
-        Of one array.
-
-    Raises
-    ------
-    BadInputError
-        If arrays differ: double differences have one set of baselines; take epochs of one run.
     """
-    array_b_m = epochs.antennas_b_m[0]
-    if not np.array_equal(epochs.antennas_b_m[-1], array_b_m) or not np.array_equal(
-        epochs.antennas_b_m, np.broadcast_to(array_b_m, epochs.antennas_b_m.shape)
-    ):
-        raise BadInputError("array epochs: arrays differ from run to run; take epochs of one run")
+    array_b_m = epochs.antennas_b_m
     reference = _references(epochs)
     occupied = epochs.satellites != ""
     usable = occupied & (reference[:, epochs.group] >= 0)
@@ -63,9 +49,9 @@ def _references(epochs: ArrayEpochs) -> IntArray:
     height = np.where(np.isnan(epochs.elevation_rad), -np.inf, epochs.elevation_rad)
     out = np.empty((len(epochs), int(epochs.group.max()) + 1), dtype=np.int64)
     for g in range(out.shape[1]):
-        own = np.flatnonzero(epochs.group == g)
-        enough = np.isfinite(height[:, own]).sum(axis=1) >= 2
-        out[:, g] = np.where(enough, own[height[:, own].argmax(axis=1)], -1)
+        members = np.flatnonzero(epochs.group == g)
+        has_two = np.isfinite(height[:, members]).sum(axis=1) >= 2
+        out[:, g] = np.where(has_two, members[height[:, members].argmax(axis=1)], -1)
     return out
 
 
@@ -73,8 +59,8 @@ def _against(links: FloatArray, reference: IntArray, group: IntArray) -> FloatAr
     """Return double differences, (n, b, m), of links (n, a, m)."""
     single = links[:, 1:] - links[:, :1]
     of = reference[:, group]
-    own = np.take_along_axis(single, of.clip(0)[:, None], axis=2)
-    return np.asarray(np.where(of[:, None] >= 0, single - own, np.nan))
+    of_reference = np.take_along_axis(single, of.clip(0)[:, None], axis=2)
+    return np.asarray(np.where(of[:, None] >= 0, single - of_reference, np.nan))
 
 
 def _times_s(epochs: ArrayEpochs) -> FloatArray:
@@ -104,9 +90,9 @@ def _names(epochs: ArrayEpochs) -> tuple[str, ...]:
 def _arcs(epochs: ArrayEpochs, reference: IntArray, usable: BoolArray) -> IntArray:
     """Return numbers of arcs, (n, b, m): new where run, satellite or reference is another."""
     of = reference[:, epochs.group].clip(0)
-    own = np.take_along_axis(epochs.satellites, of, axis=1)
+    of_reference = np.take_along_axis(epochs.satellites, of, axis=1)
     new = np.broadcast_to(_begins(epochs)[:, None], usable.shape).copy()
     new[1:] |= epochs.satellites[1:] != epochs.satellites[:-1]
-    new[1:] |= own[1:] != own[:-1]
+    new[1:] |= of_reference[1:] != of_reference[:-1]
     arc = np.where(usable, np.cumsum(new, axis=0) - 1, -1)
     return np.repeat(arc[:, None], epochs.code_m.shape[1] - 1, axis=1)

@@ -13,7 +13,7 @@ from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.gnss.signals import wavelengths_m
 from fgnav_sim.data_sets.links import disturbed
 from fgnav_sim.data_sets.sky import skies
-from fgnav_sim.data_sets.world import GivenArray, RandomArray, World
+from fgnav_sim.data_sets.world import World
 
 _LARGEST_INTEGER = 1000  # arbitrary integers are drawn from both sides of zero up to this
 
@@ -31,7 +31,7 @@ class ArrayEpochs:
     t_s: FloatArray  # (n,); GPS time since the world's start
     run: IntArray  # (n,); simulation an epoch belongs to, from 0; its epochs follow each other
     R_nb: FloatArray  # (n, 3, 3); ``n`` is North-East-Down at the epoch's own place
-    antennas_b_m: FloatArray  # (n, a, 3); NaN beyond the last antenna of an array
+    antennas_b_m: FloatArray  # (a, 3)
     satellites: NDArray[np.str_]  # (n, m); RINEX names; ``""`` in an empty slot
     signals: tuple[str, ...]  # length m
     # (m,); constellation and signal of a slot, numbered from 0: differences stay within
@@ -55,14 +55,10 @@ class ArrayEpochs:
         return len(self.t_s)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "ArrayEpochs":
-        """Return some of the epochs."""
-        per_slot = ("signals", "group", "wavelength_m")
-        return ArrayEpochs(
-            **{
-                f.name: getattr(self, f.name) if f.name in per_slot else getattr(self, f.name)[rows]
-                for f in fields(self)
-            }
-        )
+        """Select epochs."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        common = ("antennas_b_m", "signals", "group", "wavelength_m")
+        return ArrayEpochs(**{k: v if k in common else v[rows] for k, v in values.items()})
 
 
 def array_epochs(world: World, generator: np.random.Generator, count: int) -> ArrayEpochs:
@@ -78,25 +74,25 @@ def array_epochs(world: World, generator: np.random.Generator, count: int) -> Ar
     Raises
     ------
     BadInputError
-        If files of the world are bad or say nothing of its time, or the count is below one.
+        If a constellation has no built-in almanac, or the count is below one.
     """
     if count < 1:
         raise BadInputError(f"count: must be 1 or more, got {count}")
-    sky_rng, array_rng, attitude_rng, integer_rng, link_rng = generator.spawn(5)
+    sky_rng, _, attitude_rng, integer_rng, link_rng = generator.spawn(5)
     length = world.runs.epochs
     runs = -(-count // length)
     sky = skies(world, runs, rng=sky_rng)
     run = np.repeat(np.arange(runs), length)
     t_run_s = np.tile(world.runs.step_s * np.arange(length), runs)
     R_nb = world.attitudes(t_run_s, run, rng=attitude_rng)
-    antennas_b_m = _antennas(world.array, run, rng=array_rng)
-    range_m = _ranges_m(R_nb, antennas_b_m, sky.e_n)
+    antennas_b_m = np.array(world.antennas_b_m)
+    range_m = (antennas_b_m[:1] - antennas_b_m) @ (sky.e_n @ R_nb).swapaxes(1, 2)
     wavelength_m = wavelengths_m(sky.constellations, sky.signals)
     links = disturbed(world, sky, R_nb, range_m, wavelength_m, rng=link_rng)
-    missing = np.isnan(range_m) | (sky.satellites == "")[:, None]
+    missing = np.broadcast_to((sky.satellites == "")[:, None], range_m.shape)
     kinds = [c + s for c, s in zip(sky.constellations, sky.signals, strict=True)]
     group = np.array([list(dict.fromkeys(kinds)).index(kind) for kind in kinds])
-    integers = _integers(sky.number, run, group, antennas_b_m.shape[1], rng=integer_rng)
+    integers = _integers(sky.number, run, group, len(antennas_b_m), rng=integer_rng)
     integers[missing] = 0
     phase_m = links.phase_m + wavelength_m * integers
     links.code_m[missing] = phase_m[missing] = np.nan
@@ -119,29 +115,6 @@ def array_epochs(world: World, generator: np.random.Generator, count: int) -> Ar
         phase_sigma_m=links.phase_sigma_m,
     )
     return epochs[:count]
-
-
-def _antennas(
-    array: GivenArray | RandomArray, run: IntArray, *, rng: np.random.Generator
-) -> FloatArray:
-    """Return the array of each epoch, (n, a, 3); the first antenna of a random one is at 0."""
-    if isinstance(array, GivenArray):
-        given = np.array(array.antennas_b_m)
-        return np.broadcast_to(given, (len(run), *given.shape))
-    runs, most = int(run.max()) + 1, array.antennas[1]
-    scale = rng.uniform(*array.scale, (runs, 1, 1))
-    antennas_b_m = scale * np.array(array.box_m) * rng.uniform(-0.5, 0.5, (runs, most, 3))
-    antennas_b_m[:, 0] = 0.0
-    present = rng.integers(*array.antennas, runs, endpoint=True)[:, None] > np.arange(most)
-    antennas_b_m[~present] = np.nan
-    return np.asarray(antennas_b_m[run])
-
-
-def _ranges_m(R_nb: FloatArray, antennas_b_m: FloatArray, e_n: FloatArray) -> FloatArray:
-    """Return how much nearer than antenna 1 the others are to satellites, negative, (n, a, m)."""
-    e_b = e_n @ R_nb
-    arms_b_m = antennas_b_m - antennas_b_m[:, :1]
-    return np.asarray(-arms_b_m @ e_b.swapaxes(1, 2))
 
 
 def _integers(

@@ -35,7 +35,7 @@ class GravityEpochs:
         return len(self.t_s)
 
     def __getitem__(self, rows: slice | IntArray | BoolArray) -> "GravityEpochs":
-        """Return some of the windows."""
+        """Select windows."""
         return GravityEpochs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @classmethod
@@ -70,9 +70,9 @@ def gravity_epochs(
     weights = np.array(msgspec.structs.astuple(world.phases))
     phase = kind_rng.choice(len(PHASES), flights, p=weights / weights.sum())
     parts = []
-    for number, (kind, own) in enumerate(zip(phase, rng.spawn(flights), strict=True)):
-        flight = gravity_flight(world, PHASES[kind], rng=own)
-        parts.append(_windows(world, flight, number, int(kind), rng=own))
+    for number, (kind, flight_rng) in enumerate(zip(phase, rng.spawn(flights), strict=True)):
+        flight = gravity_flight(world, PHASES[kind], rng=flight_rng)
+        parts.append(_windows(world, flight, number, int(kind), rng=flight_rng))
     return GravityEpochs.joined(parts)[:count]
 
 

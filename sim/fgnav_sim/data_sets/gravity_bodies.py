@@ -130,7 +130,7 @@ def _start(
 def _in_air(flown: FlownTable, world: GravityWorld, draw: Draw, share: float = 1.0) -> FlownTable:
     """Return a flight in wind, from two directions at two heights, and gusts."""
     limits = (world.bodies.wind_mps, world.bodies.wind_aloft_mps)
-    size = np.array([share * draw(one) for one in limits])
+    size = np.array([share * draw(limit) for limit in limits])
     angle = np.array([draw((-np.pi, np.pi)) for _ in _WIND_HEIGHTS_M])
     wind = WindTable(
         height_m=_WIND_HEIGHTS_M,

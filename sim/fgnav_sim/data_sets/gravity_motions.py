@@ -25,14 +25,14 @@ def drawn_motion(world: GravityWorld, phase: str, draw: Draw) -> Trajectory:
     def surging(t_s: FloatArray) -> State:
         state = motion(t_s)
         angle_rad = rate_radps * t_s + start_rad
-        swing = size_mps2 * np.stack(
+        surge = size_mps2 * np.stack(
             [
                 -np.sin(angle_rad) / rate_radps**2,
                 -np.cos(angle_rad) / rate_radps,
                 np.sin(angle_rad),
             ]
         )
-        p, v, a = swing[..., None] * along_n
+        p, v, a = surge[..., None] * along_n
         return replace(
             state, p_n_m=state.p_n_m + p, v_n_mps=state.v_n_mps + v, a_n_mps2=state.a_n_mps2 + a
         )

@@ -1,4 +1,4 @@
-"""What a world file may say about samples for learning gravity."""
+"""Format of a world file of samples for learning gravity."""
 
 import msgspec
 
@@ -8,7 +8,7 @@ from fgnav_sim.scenario import ImuTable, Place
 
 
 class PhasesTable(Table, frozen=True):
-    """How likely a flight is of each kind; all alike by default."""
+    """Relative frequencies of the kinds of flights; all alike by default."""
 
     # commanded motions
     climb: NotNegative = 1.0
@@ -29,7 +29,7 @@ class PhasesTable(Table, frozen=True):
 
 
 class WindowsTable(Table, frozen=True):
-    """What an estimator sees at a time: accelerometer samples and velocities up to it.
+    """Input of an estimator at a time: accelerometer samples and velocities up to it.
 
     ``per_flight`` windows end at velocities drawn from a flight of ``flight_s``.
     """
@@ -41,7 +41,7 @@ class WindowsTable(Table, frozen=True):
 
 
 class MotionRanges(Table, frozen=True):
-    """What commanded motions are drawn from, uniform within each range."""
+    """Ranges of commanded motions, uniform within each."""
 
     # speed_mps, climb_deg, turn_mps2, spin_degps: climb is the slope of climbs, and of descents
     # downward; turns have a horizontal acceleration; the spin is about the long axis, either way
@@ -63,7 +63,7 @@ class MotionRanges(Table, frozen=True):
 
 
 class BodyRanges(Table, frozen=True):
-    """What rigid bodies and their flights are drawn from, uniform within each range."""
+    """Ranges of rigid bodies and their flights, uniform within each."""
 
     # factors of the shipped vehicles' figures: mass and inertia, thrust, drag, lift, moments
     mass: Range = (0.7, 1.4)

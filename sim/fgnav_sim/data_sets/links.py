@@ -1,4 +1,4 @@
-"""What disturbs the links of a data set: noise, outliers, echoes from anywhere and of the body."""
+"""Disturbances of the links of a data set: noise, outliers, multipath."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from fgnav.checks import BoolArray, FloatArray
 from fgnav_sim.data_sets.sky import Sky
-from fgnav_sim.data_sets.world import Drawn, GivenArray, World
+from fgnav_sim.data_sets.world import Drawn, World
 from fgnav_sim.gauss_markov import gauss_markov
 from fgnav_sim.propagation.multipath import echoes
 
@@ -34,7 +34,7 @@ def disturbed(
     *,
     rng: np.random.Generator,
 ) -> Links:
-    """Return what antennas would measure of their ranges, (n, a, m).
+    """Return the disturbed ranges of antennas, (n, a, m).
 
     Each disturbance draws from a generator of its own: switching one on leaves the others' noise.
     """
@@ -43,9 +43,9 @@ def disturbed(
     values: list[FloatArray] = []
     sigmas: list[FloatArray] = []
     kinds = (world.noise.code_m, world.noise.phase_m)
-    for drawn, own in zip(kinds, noise_rng.spawn(2), strict=True):
+    for drawn, kind_rng in zip(kinds, noise_rng.spawn(2), strict=True):
         sigma_m = _levels(drawn, world, len(range_m), rng=level_rng) * weight
-        value = own.standard_normal(range_m.shape)
+        value = kind_rng.standard_normal(range_m.shape)
         value *= sigma_m[:, None]
         value += range_m
         values.append(value)
@@ -53,8 +53,8 @@ def disturbed(
     outlier = _outliers(world, values, rng=outlier_rng)
     if world.multipath is not None:
         sizes = (world.multipath.code_m, world.multipath.phase_m)
-        for k, (size, own) in enumerate(zip(sizes, echo_rng.spawn(2), strict=True)):
-            values[k] += size * weight[:, None] * _processes(world, range_m.shape, rng=own)
+        for k, (size, kind_rng) in enumerate(zip(sizes, echo_rng.spawn(2), strict=True)):
+            values[k] += size * weight[:, None] * _processes(world, range_m.shape, rng=kind_rng)
             sigmas[k] = np.hypot(sigmas[k], size * weight)
     if world.reflectors:
         _mirror(world, sky, R_nb, wavelength_m, values)
@@ -102,8 +102,8 @@ def _processes(world: World, shape: tuple[int, ...], *, rng: np.random.Generator
     if world.multipath is None or epochs == 1:
         return rng.standard_normal(shape)
     time_constant_s = world.multipath.time_constant_s
-    one = gauss_markov(time_constant_s, world.runs.step_s, (epochs, n // epochs, a, m), rng=rng)
-    return one.swapaxes(0, 1).reshape(shape)
+    process = gauss_markov(time_constant_s, world.runs.step_s, (epochs, n // epochs, a, m), rng=rng)
+    return process.swapaxes(0, 1).reshape(shape)
 
 
 def _mirror(
@@ -114,13 +114,11 @@ def _mirror(
     values: list[FloatArray],
 ) -> None:
     """Add what the body mirrors to code and phase, in place."""
-    if not isinstance(world.array, GivenArray):
-        return
-    arms_b_m = np.array(world.array.antennas_b_m)
+    arms_b_m = np.array(world.antennas_b_m)
     for first in range(0, len(R_nb), _BLOCK):
         block = slice(first, first + _BLOCK)
         e_b = sky.e_n[block] @ R_nb[block]
         still = np.zeros((len(e_b), 3))  # the rate concerns Doppler, which is not here
-        seen = echoes(world.reflectors, arms_b_m, e_b, still, wavelength_m)
-        values[0][block] += seen.code_m
-        values[1][block] += seen.phase_m
+        echo = echoes(world.reflectors, arms_b_m, e_b, still, wavelength_m)
+        values[0][block] += echo.code_m
+        values[1][block] += echo.phase_m

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
+from fgnav.checks import BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import ecef, ned_axes
-from fgnav.gnss.orbits.satellites import satellite_states
 from fgnav_sim.data_sets.world import AnySites, AnyTimes, SatellitesTable, World
-from fgnav_sim.gnss.constellation import built_in_positions, orbits_of_files, satellites_of
+from fgnav_sim.gnss.constellation import built_in_positions
 from fgnav_sim.gnss.selection import best_geometry, lasting, period
 from fgnav_sim.scenario import gps_s
 
@@ -47,7 +46,7 @@ class _Series:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class _Slots:
-    """Who is where: satellites by number (k, m), whether there is one, and their directions."""
+    """Satellites of slots by number, (k, m), whether there is one, and their directions."""
 
     number: IntArray
     filled: BoolArray
@@ -60,24 +59,24 @@ def skies(world: World, runs: int, *, rng: np.random.Generator) -> Sky:
     Raises
     ------
     BadInputError
-        If files are bad, or say nothing of the time.
+        If a constellation has no built-in almanac.
     """
-    places_rng, choice_rng = rng.spawn(2)
-    series = _series(world, runs, rng=places_rng)
+    series_rng, choice_rng = rng.spawn(2)
+    series = _series(world, runs, rng=series_rng)
     satellites, moment, position_e_m = _positions(world, series.t_s)
     table = world.satellites
     parts: list[_Slots] = []
     for letter, signals in table.signals.items():
-        own = np.flatnonzero([name[0] == letter for name in satellites])
-        part = _constellation(
-            world, series, own, position_e_m[:, own], moment, rng=choice_rng.spawn(1)[0]
+        members = np.flatnonzero([name[0] == letter for name in satellites])
+        slots = _constellation(
+            world, series, members, position_e_m[:, members], moment, rng=choice_rng.spawn(1)[0]
         )
-        parts += [part] * len(signals)
-    width = [part.number.shape[1] for part in parts]
+        parts += [slots] * len(signals)
+    width = [slots.number.shape[1] for slots in parts]
     kinds = [(letter, s) for letter, signals in table.signals.items() for s in signals]
-    filled = np.concatenate([part.filled for part in parts], axis=1)[series.row]
-    e_n = np.concatenate([part.e_n for part in parts], axis=1)[series.row]
-    number = np.concatenate([part.number for part in parts], axis=1)[series.row]
+    filled = np.concatenate([slots.filled for slots in parts], axis=1)[series.row]
+    e_n = np.concatenate([slots.e_n for slots in parts], axis=1)[series.row]
+    number = np.concatenate([slots.number for slots in parts], axis=1)[series.row]
     elevation_rad = np.where(filled, np.arcsin(np.clip(-e_n[..., 2], -1, 1)), np.nan)
     return Sky(
         t_s=series.t_s.ravel()[series.row],
@@ -91,10 +90,10 @@ def skies(world: World, runs: int, *, rng: np.random.Generator) -> Sky:
 
 
 def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
-    """Return the series of skies; runs share those of a day at given places if they can."""
+    """Return the series of skies; runs share those of a day at a given place if they can."""
     site_rng, time_rng = rng.spawn(2)
     epochs, step_s = world.runs.epochs, world.runs.step_s
-    place, p_e_m, R_ne = _places(world, runs, rng=site_rng)
+    p_e_m, R_ne = _places(world, runs, rng=site_rng)
     offset = np.arange(epochs)
     if isinstance(world.times, AnyTimes):
         shared = world.times.runs_per_moment if isinstance(world.sites, AnySites) else 1
@@ -107,59 +106,34 @@ def _series(world: World, runs: int, *, rng: np.random.Generator) -> _Series:
     at = first[:, None] + offset
     if isinstance(world.sites, AnySites) or _differs(world.satellites):
         return _Series(t_s=step_s * at, p_e_m=p_e_m, R_ne=R_ne, row=np.arange(runs * epochs))
-    _, unique = np.unique(place, return_index=True)  # in the order of the places' numbers
-    series = np.searchsorted(place[unique], place)
-    return _Series(
-        t_s=np.tile(step_s * np.arange(grid), (len(unique), 1)),
-        p_e_m=p_e_m[unique],
-        R_ne=R_ne[unique],
-        row=(series[:, None] * grid + at).ravel(),
-    )
+    t_s = step_s * np.arange(grid)[None]
+    return _Series(t_s=t_s, p_e_m=p_e_m[:1], R_ne=R_ne[:1], row=at.ravel())
 
 
 def _differs(table: SatellitesTable) -> bool:
-    """Return whether two runs at one place and time may have different satellites."""
+    """Return True if two runs at one place and time may have different satellites."""
     by_chance = table.choose != "all" and table.pick == "random"
     return by_chance or isinstance(table.choose, tuple)
 
 
-def _places(
-    world: World, runs: int, *, rng: np.random.Generator
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return each run's place by number, (r,), in ECEF, (r, 3), and its axes, (r, 3, 3)."""
+def _places(world: World, runs: int, *, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+    """Return each run's place in ECEF, (r, 3), and its axes, (r, 3, 3)."""
     if isinstance(world.sites, AnySites):
-        number = np.arange(runs)
         latitude = np.arcsin(rng.uniform(-1.0, 1.0, runs))
         longitude = rng.uniform(-np.pi, np.pi, runs)
         height_m = rng.uniform(*world.sites.height_m, runs)
     else:
-        number = rng.integers(0, len(world.sites.places), runs)
-        frames = [place.frame for place in world.sites.places]
-        rows = [[f.latitude_rad, f.longitude_rad, f.height_m] for f in frames]
-        latitude, longitude, height_m = np.array(rows)[number].T
-    p_e_m = ecef(latitude, longitude, height_m).reshape(-1, 3)
-    return number, p_e_m, ned_axes(latitude, longitude)
+        frame = world.sites.place.frame
+        site = [frame.latitude_rad, frame.longitude_rad, frame.height_m]
+        latitude, longitude, height_m = np.tile(site, (runs, 1)).T
+    return ecef(latitude, longitude, height_m).reshape(-1, 3), ned_axes(latitude, longitude)
 
 
 def _positions(world: World, t_s: FloatArray) -> tuple[tuple[str, ...], IntArray, FloatArray]:
     """Return all satellites, each sky's moment (k,), and positions at the moments (t, s, 3)."""
     distinct_s, moment = np.unique(t_s, return_inverse=True)
-    start_gps_s = gps_s(world.start)
-    files = world.satellites
-    broadcast, precise = orbits_of_files(files.navigation, files.orbits, start_gps_s)
-    orbits = precise or broadcast
-    if orbits is None:
-        letters = tuple(world.satellites.signals)
-        names, p_e_m = built_in_positions(letters, start_gps_s, distinct_s)
-        return names, moment.ravel(), p_e_m
-    names = satellites_of(orbits, files.signals)
-    times_s = np.repeat(distinct_s[:, None], len(names), axis=1)
-    p_e_m = satellite_states(orbits, names, times_s).p_e_m
-    if not np.isfinite(p_e_m).any():
-        raise BadInputError(
-            f"satellites: files know no satellite of {', '.join(world.satellites.signals)} at "
-            f"{world.start.isoformat()}; name files of that date"
-        )
+    letters = tuple(world.satellites.signals)
+    names, p_e_m = built_in_positions(letters, gps_s(world.start), distinct_s)
     return names, moment.ravel(), p_e_m
 
 
@@ -210,12 +184,12 @@ def _choose(
     *,
     rng: np.random.Generator,
 ) -> tuple[BoolArray, int]:
-    """Return which satellites each sky has, (k, s), and the largest number there may be."""
+    """Select the satellites of each sky, (k, s); return also the largest number there may be."""
     if table.choose == "all":
         return above, _ALL
     length = series.t_s.shape[1]
-    turn = period(series.t_s)
-    begin = np.flatnonzero(np.diff(turn, axis=1, prepend=turn[:, :1] - 1).ravel())
+    number = period(series.t_s)
+    begin = np.flatnonzero(np.diff(number, axis=1, prepend=number[:, :1] - 1).ravel())
     low, high = table.choose if isinstance(table.choose, tuple) else (table.choose, table.choose)
     wanted = rng.integers(low, high, len(series.t_s), endpoint=True)[begin // length]
     candidates = lasting(above, begin, wanted)

@@ -1,4 +1,4 @@
-"""What a world file may say: from which skies, arrays, attitudes and noise a data set is drawn."""
+"""Format of a world file: skies, array, attitudes and noise of a data set."""
 
 from datetime import datetime
 from pathlib import Path
@@ -14,17 +14,17 @@ from fgnav_sim.data_sets.attitudes import Attitudes, UniformAttitudes
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.gnss.tables import Angle, MultipathTable, ReflectorTable, check_signals
 from fgnav_sim.ranges import Count, check_ranges
-from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place, resolved
+from fgnav_sim.scenario import PAPER_ANTENNAS_B_M, Place
 
 # A figure, or the range it is drawn from. Neither constraints nor fixed lengths: msgspec 0.22 takes
 # one for the other where both stand in a union.
 Drawn: TypeAlias = float | tuple[float, ...]
 
 
-class FixedSites(Table, frozen=True, tag="fixed", tag_field="kind"):
-    """Given places, one drawn for each run; Madrid where nothing is said."""
+class FixedSite(Table, frozen=True, tag="fixed", tag_field="kind"):
+    """One place for all runs; Madrid where nothing is said."""
 
-    places: tuple[Place, ...] = (Place(),)
+    place: Place = Place()
 
 
 class AnySites(Table, frozen=True, tag="anywhere", tag_field="kind"):
@@ -61,41 +61,12 @@ class SatellitesTable(Table, frozen=True):
     # the best geometry, as ``fgnav_sim.gnss.selection`` chooses for 15 min, or any
     pick: Literal["geometry", "random"] = "geometry"
     mask_deg: Angle = 10.0
-    # navigation, orbits: broadcast or SP3 files; none: the built-in almanac
-    navigation: tuple[str, ...] = ()
-    orbits: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check signals, range and files."""
+        """Check signals and range."""
         check_signals(self.signals)
         if self.choose != "all":
             check_ranges(self, "choose")
-        if self.navigation and self.orbits:
-            raise ValueError("orbits: must not stand beside navigation; name one of the two")
-
-
-class GivenArray(Table, frozen=True, tag="given", tag_field="kind"):
-    """One array for all epochs; the first antenna is the reference. The source paper's eight."""
-
-    antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
-
-    def __post_init__(self) -> None:
-        """Require a baseline."""
-        if len(self.antennas_b_m) < 2:
-            raise ValueError("antennas_b_m: must hold two antennas or more")
-
-
-class RandomArray(Table, frozen=True, tag="random", tag_field="kind"):
-    """A rigid array for each run: antennas uniform in a box whose size is drawn, too."""
-
-    antennas: tuple[Annotated[int, msgspec.Meta(ge=2)], Annotated[int, msgspec.Meta(ge=2)]] = (3, 8)
-    # the largest box's edges; its middle and the first antenna are the body's origin
-    box_m: Vector = (2.0, 1.0, 0.4)
-    scale: tuple[Positive, Positive] = (0.2, 1.0)  # of the box, uniform
-
-    def __post_init__(self) -> None:
-        """Check ranges."""
-        check_ranges(self, "antennas", "scale")
 
 
 class NoiseTable(Table, frozen=True):
@@ -136,16 +107,17 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
     # epochs, shard_epochs: how many a data set holds, and one file of it
     epochs: Count = 576_000
     shard_epochs: Count = 57_600
-    sites: FixedSites | AnySites = FixedSites()
+    sites: FixedSite | AnySites = FixedSite()
     times: DayTimes | AnyTimes = DayTimes()
     runs: RunsTable = RunsTable()
     satellites: SatellitesTable = SatellitesTable()
-    array: GivenArray | RandomArray = GivenArray()
+    # phase centres in body axes; the first is the reference. The paper's eight by default.
+    antennas_b_m: tuple[Vector, ...] = PAPER_ANTENNAS_B_M
     attitudes: Attitudes = UniformAttitudes()
     noise: NoiseTable = NoiseTable()
     outliers: OutliersTable | None = None
     multipath: MultipathTable | None = None
-    # parts of the body that mirror signals; they need one array for all runs
+    # parts of the body that mirror signals
     reflectors: tuple[ReflectorTable, ...] = ()
 
     def __post_init__(self) -> None:
@@ -154,8 +126,8 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
             raise ValueError(
                 f"shard_epochs: must hold whole runs of {self.runs.epochs}, got {self.shard_epochs}"
             )
-        if self.reflectors and isinstance(self.array, RandomArray):
-            raise ValueError("reflectors: need one array for all runs, array.kind given")
+        if len(self.antennas_b_m) < 2:
+            raise ValueError("antennas_b_m: must hold two antennas or more")
         span_s = (self.runs.epochs - 1) * self.runs.step_s
         if isinstance(self.times, DayTimes) and span_s >= self.times.duration_s:
             raise ValueError(
@@ -166,8 +138,6 @@ class World(Table, frozen=True, tag="array", tag_field="kind"):
 
 def load_world(world: Path | str) -> World | GravityWorld:
     """Return a world: a TOML file's, or that of a name that comes with the simulator.
-
-    Files that it names are resolved against its folder.
 
     Raises
     ------
@@ -185,11 +155,4 @@ def load_world(world: Path | str) -> World | GravityWorld:
         raise BadInputError(f"{path}: key kind: must be array or gravity, got {kind!r}")
     content["kind"] = kind
     table = as_table(path, content, kinds[kind])
-    changes: dict[str, object] = {} if table.name else {"name": path.stem}
-    if isinstance(table, World):
-        files = {
-            key: resolved(path, f"satellites.{key}", getattr(table.satellites, key))
-            for key in ("navigation", "orbits")
-        }
-        changes["satellites"] = msgspec.structs.replace(table.satellites, **files)
-    return msgspec.structs.replace(table, **changes)
+    return table if table.name else msgspec.structs.replace(table, name=path.stem)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
+from fgnav.progress import watched_by
 from fgnav.types.flight import Base
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
 from fgnav_sim.gnss.receiver import observe
@@ -23,7 +24,7 @@ def stand(
     satellite_cycles: Mapping[tuple[str, str], float],
     rng: np.random.Generator,
 ) -> Base:
-    """Return what a receiver at the base observes, with a clock and noise of its own.
+    """Return the observations of a receiver at the base, with a clock and noise of its own.
 
     Parameters
     ----------
@@ -52,12 +53,13 @@ def stand(
         sensor, choose="all", antenna_noise=(), slips=None, loss_of_lock=None,
         outages=(), body_mask=None, reflectors=(), base=None,
     )  # fmt: skip
-    received = observe(
-        undisturbed,
-        still,
-        orbits,
-        messages=messages,
-        satellite_cycles=satellite_cycles,
-        rng=rng,
-    )
+    with watched_by(lambda _: None):  # the share done is the vehicle's
+        received = observe(
+            undisturbed,
+            still,
+            orbits,
+            messages=messages,
+            satellite_cycles=satellite_cycles,
+            rng=rng,
+        )
     return Base(position_e_m=place.frame.p_e_m, observations=received.observations)

@@ -75,4 +75,4 @@ def _in_view(
     above = (elevation_rad > lowest_rad).any(axis=0)
     if not above.any():
         raise empty_sky(sensor)
-    return tuple(name for name, seen in zip(wanted, above, strict=True) if seen)
+    return tuple(name for name, is_above in zip(wanted, above, strict=True) if is_above)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fgnav.checks import FloatArray
-from fgnav_sim.scenario import ClockTable
+from fgnav_sim.gnss.tables import ClockTable
 
 
 def clocks(

@@ -109,7 +109,7 @@ def orbits_of_files(
 
         broadcast = read_navigation([Path(name) for name in navigation], start_gps_s)
     if orbits:
-        from fgnav.io.sp3.reader import read_precise  # noqa: PLC0415  # lazy: few have such files
+        from fgnav.io.sp3 import read_precise  # noqa: PLC0415  # lazy: few have such files
 
         precise = read_precise([Path(name) for name in orbits], start_gps_s)
     return broadcast, precise
@@ -119,9 +119,9 @@ def satellites_of(
     orbits: BroadcastOrbits | PreciseOrbits, constellations: Iterable[str]
 ) -> tuple[str, ...]:
     """Return the satellites of some constellations that orbits know, in order."""
-    known = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
+    names = orbits.satellites if isinstance(orbits, PreciseOrbits) else orbits.records["satellite"]
     letters = tuple(constellations)
-    return tuple(sorted({str(name) for name in known if name[0] in letters}))
+    return tuple(sorted({str(name) for name in names if name[0] in letters}))
 
 
 def built_in_positions(
@@ -142,13 +142,13 @@ def built_in_positions(
     BadInputError
         If a constellation has no built-in almanac.
     """
-    names, places = [], []
+    names, positions = [], []
     for walker in _walkers(constellations):
         toe_own_s = start_gps_s + t_s - walker.offset_s
         for messages in _messages(walker, toe_own_s, start_gps_s):
             names.append(str(messages["satellite"][0]))
-            places.append(kepler_orbit(names[-1], messages, t_s)[0])
-    return tuple(names), np.stack(places, axis=1)
+            positions.append(kepler_orbit(names[-1], messages, t_s)[0])
+    return tuple(names), np.stack(positions, axis=1)
 
 
 def _walkers(constellations: tuple[str, ...]) -> list[_Walker]:

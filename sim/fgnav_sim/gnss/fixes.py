@@ -1,4 +1,4 @@
-"""What receivers solve themselves: fixes of antennas, the baseline between two; white noise."""
+"""Receivers' own solutions: fixes of antennas, the baseline between two; white noise."""
 
 from collections.abc import Iterator
 
@@ -28,7 +28,7 @@ def fix(sensor: FixesTable, scenario: Scenario, rng: np.random.Generator) -> Ite
 
 
 def baseline(sensor: BaselineTable, scenario: Scenario, rng: np.random.Generator) -> Baseline:
-    """Return what a receiver of two antennas says of the vector between them."""
+    """Return the baseline of a receiver of two antennas."""
     t_s = scenario.epochs_s(sensor.rate_hz)
     noise_m = sensor.noise_m * rng.standard_normal((len(t_s), 3))
     for from_s, until_s in sensor.gaps_s:

@@ -1,4 +1,4 @@
-"""What interrupts the phase: outages, lost lock, cycle slips, satellites behind the body."""
+"""Interruptions of the phase: outages, lost lock, cycle slips, satellites behind the body."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ _HOUR_S = 3600.0
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Sky:
-    """Where the satellites of all channels stand."""
+    """Directions of the satellites of all channels."""
 
     elevation_rad: FloatArray  # (n, m)
     azimuth_rad: FloatArray  # (n, m)
@@ -29,7 +29,7 @@ class Sky:
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Tracking:
-    """What is tracked, and where its integers change."""
+    """Tracked links, and changes of their integers."""
 
     tracked: BoolArray  # (n, a, m)
     flagged: BoolArray  # (n, a, m); where receivers announce that phase does not continue
@@ -47,7 +47,7 @@ def track(
     *,
     rng: np.random.Generator,
 ) -> Tracking:
-    """Return which links are tracked, when satellites are above the mask at ``above``, (n, m).
+    """Return the tracked links of satellites that are above the mask at ``above``, (n, m).
 
     A link that comes back has a new arbitrary integer and says so. A loss of lock shorter than the
     interval leaves no gap, but a new integer and a flag all the same. A slip changes the integer of

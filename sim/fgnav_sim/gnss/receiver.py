@@ -1,6 +1,6 @@
 """GNSS receivers: code, carrier phase, Doppler and C/N0 of every antenna, from light time up."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from fgnav.checks import BadInputError, BoolArray, FloatArray, IntArray
 from fgnav.geometry.earth import C_MPS, geodetic, ned_axes
 from fgnav.gnss.signals import wavelengths_m
+from fgnav.progress import report
 from fgnav.types.flight import LinkIntegers
 from fgnav.types.observations import LOST_LOCK, Observations
 from fgnav.types.orbits import BroadcastOrbits, PreciseOrbits
@@ -37,9 +38,8 @@ def observe(
     messages: BroadcastOrbits | None = None,
     satellite_cycles: Mapping[tuple[str, str], float] | None = None,
     rng: np.random.Generator,
-    progress: Callable[[float], None] = lambda _share: None,
 ) -> "Received":
-    """Return what the receivers measure, and the integers that nobody tells them.
+    """Return the observations of the receivers, and their true integers.
 
     A receiver measures when its own clock shows the epoch, so its time tag is the epoch and its
     pseudorange holds its clock offset. All receivers track what the reference antenna has above the
@@ -54,8 +54,6 @@ def observe(
     satellite_cycles : mapping, optional
         What satellites add to the phase of a channel, by satellite and signal; drawn where it is
         not given.
-    progress : callable
-        Told the share done, up to 1.
 
     Raises
     ------
@@ -71,14 +69,14 @@ def observe(
     for first in range(0, len(t_s), _BLOCK):
         block = slice(first, first + _BLOCK)
         seen = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
-        late_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
-        measured.fill(block, seen, offset_s, drift_sps, late_m)
+        delay_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
+        measured.fill(block, seen, offset_s, drift_sps, delay_m)
         if measured.e_b is not None:
             true_s = t_s[block] - offset_s[block, 0]
             measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
             if sensor.reflectors:
                 measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
-        progress(min(1.0, (first + _BLOCK) / len(t_s)))
+        report(min(1.0, (first + _BLOCK) / len(t_s)))
     if sensor.wind_up and measured.e_b is not None:
         true_s = t_s - offset_s[:, 0]
         state = scenario.motion(true_s)
@@ -125,7 +123,7 @@ class _Measured:
         """Return room for measurements."""
         code_m, phase_m, rate_mps = np.empty((3, *shape))
         elevation_rad, azimuth_rad = np.empty((2, *shape[::2]))
-        turned = bool(sensor.reflectors) or sensor.body_mask is not None or sensor.wind_up
+        needs_directions = bool(sensor.reflectors) or sensor.body_mask is not None or sensor.wind_up
         return _Measured(
             code_m=code_m,
             phase_m=phase_m,
@@ -133,12 +131,12 @@ class _Measured:
             elevation_rad=elevation_rad,
             azimuth_rad=azimuth_rad,
             gain_db=np.zeros(shape if sensor.reflectors else (shape[0], 1, 1)),
-            e_b=np.empty((*shape[::2], 3)) if turned else None,
+            e_b=np.empty((*shape[::2], 3)) if needs_directions else None,
         )
 
     @property
     def sky(self) -> Sky:
-        """Where the satellites stand."""
+        """Directions of the satellites."""
         return Sky(elevation_rad=self.elevation_rad, azimuth_rad=self.azimuth_rad, e_b=self.e_b)
 
     def fill(
@@ -147,23 +145,23 @@ class _Measured:
         seen: Links,
         offset_s: FloatArray,
         drift_sps: FloatArray,
-        late_m: tuple[FloatArray, FloatArray],
+        delay_m: tuple[FloatArray, FloatArray],
     ) -> None:
         """Set what perfect receivers with these clocks would measure at a block of epochs."""
         biased_m = seen.range_m + C_MPS * (offset_s[block, :, None] - seen.clock_s)
-        self.code_m[block] = biased_m + late_m[0][:, None]
-        self.phase_m[block] = biased_m + late_m[1][:, None]
+        self.code_m[block] = biased_m + delay_m[0][:, None]
+        self.phase_m[block] = biased_m + delay_m[1][:, None]
         drift = drift_sps[block, :, None] - seen.clock_drift_sps
         self.rate_mps[block] = seen.range_rate_mps + C_MPS * drift
         self.elevation_rad[block] = seen.elevation_rad
         self.azimuth_rad[block] = seen.azimuth_rad
 
-    def mirror(self, block: slice, seen: Echoes) -> None:
+    def mirror(self, block: slice, echo: Echoes) -> None:
         """Add what the body mirrors, at a block of epochs."""
-        self.code_m[block] += seen.code_m
-        self.phase_m[block] += seen.phase_m
-        self.rate_mps[block] += seen.rate_mps
-        self.gain_db[block] += seen.gain_db
+        self.code_m[block] += echo.code_m
+        self.phase_m[block] += echo.phase_m
+        self.rate_mps[block] += echo.rate_mps
+        self.gain_db[block] += echo.gain_db
 
     def wind(self, cycles: FloatArray, rate_hz: FloatArray, channels: Channels) -> None:
         """Add the phase's wind-up, cycles, and its rate, (n, m), to all antennas alike."""
@@ -175,20 +173,20 @@ class _Measured:
         """Add white noise; each kind of measurement draws from its own generator."""
         sigmas = (sensor.code_noise_m, sensor.phase_noise_m, sensor.doppler_noise_mps)
         values = (self.code_m, self.phase_m, self.rate_mps)
-        for value, sigma, own in zip(values, sigmas, rng.spawn(3), strict=True):
+        for value, sigma, kind_rng in zip(values, sigmas, rng.spawn(3), strict=True):
             for first in range(0, len(value), _BLOCK):
                 block = slice(first, first + _BLOCK)
                 factor = self.noise_factor(sensor, block)
-                value[block] += sigma * factor * own.standard_normal(value[block].shape)
+                value[block] += sigma * factor * kind_rng.standard_normal(value[block].shape)
 
     def echo(self, sensor: GnssTable, table: MultipathTable, rng: np.random.Generator) -> None:
         """Add echoes from anywhere, one antenna after the other."""
         weight = _elevation_factor(sensor, self.elevation_rad)
         pairs = ((self.code_m, table.code_m), (self.phase_m, table.phase_m))
-        for (value, sigma), own in zip(pairs, rng.spawn(2), strict=True):
+        for (value, sigma), kind_rng in zip(pairs, rng.spawn(2), strict=True):
             for antenna in range(value.shape[1]):
                 process = gauss_markov(
-                    table.time_constant_s, 1 / sensor.rate_hz, weight.shape, rng=own
+                    table.time_constant_s, 1 / sensor.rate_hz, weight.shape, rng=kind_rng
                 )
                 value[:, antenna] += sigma * weight * process
 
@@ -214,16 +212,16 @@ class _Measured:
 def _above(
     sensor: GnssTable, channels: Channels, measured: _Measured, t_s: FloatArray
 ) -> BoolArray:
-    """Return which channels are above the mask, and chosen, (n, m)."""
+    """Select the channels above the mask, and chosen, (n, m)."""
     above = measured.elevation_rad > np.radians(sensor.receiver_mask_deg)
     if sensor.choose == "all":
         return np.asarray(above)
-    one = np.unique(channels.at, return_index=True)[1]  # of each satellite
+    first = np.unique(channels.at, return_index=True)[1]  # of each satellite
     of_satellites = chosen(
         sensor.choose,
-        above[:, one],
-        measured.elevation_rad[:, one],
-        measured.azimuth_rad[:, one],
+        above[:, first],
+        measured.elevation_rad[:, first],
+        measured.azimuth_rad[:, first],
         t_s,
     )
     return np.asarray(of_satellites[:, channels.at])
@@ -296,22 +294,22 @@ def _links(
     return links(orbits, channels.in_view, t_s, p_e_m, v_e_mps).of(channels.at)
 
 
-def _directions_b(scenario: Scenario, t_s: FloatArray, seen: Links) -> FloatArray:
+def _directions_b(scenario: Scenario, t_s: FloatArray, links: Links) -> FloatArray:
     """Return directions to satellites in body axes, (n, m, 3), at true times (n,)."""
-    flat = np.cos(seen.elevation_rad)
+    flat = np.cos(links.elevation_rad)
     e_local = np.stack(
         [
-            flat * np.cos(seen.azimuth_rad),
-            flat * np.sin(seen.azimuth_rad),
-            -np.sin(seen.elevation_rad),
+            flat * np.cos(links.azimuth_rad),
+            flat * np.sin(links.azimuth_rad),
+            -np.sin(links.elevation_rad),
         ],
         axis=-1,
     )
     # Angles are those at the antenna, whose horizon is not that of the origin.
-    place = geodetic(places_e_m(scenario, t_s))
+    geodetic_place = geodetic(places_e_m(scenario, t_s))
     to_b = np.einsum(
         "nli,ji,njk->nlk",
-        ned_axes(place[:, 0], place[:, 1]),
+        ned_axes(geodetic_place[:, 0], geodetic_place[:, 1]),
         scenario.origin.frame.R_ne,
         scenario.motion(t_s).R_nb,
     )
@@ -339,7 +337,7 @@ def _elevation_factor(sensor: GnssTable, elevation_rad: FloatArray) -> FloatArra
 def _cycles(
     channels: Channels, rises: BoolArray, antennas: int, *, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Return what phase holds beside the way, cycles: of satellites, of receivers, and integers.
+    """Return phase offsets, cycles: of satellites, of receivers, and integers.
 
     Shapes are (m,), (a, m) and (n, a, m).
 

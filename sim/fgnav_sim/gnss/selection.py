@@ -55,12 +55,12 @@ def lasting(above: BoolArray, begin: IntArray, wanted: int | IntArray) -> BoolAr
     wanted : int or ndarray of int, shape (k,)
     """
     stay = np.logical_and.reduceat(above, begin, axis=0)
-    enough = stay.sum(axis=1) >= wanted
-    return np.asarray(np.where(enough[:, None], stay, above[begin]))
+    is_sufficient = stay.sum(axis=1) >= wanted
+    return np.asarray(np.where(is_sufficient[:, None], stay, above[begin]))
 
 
 def best_geometry(towards: FloatArray, candidates: BoolArray, wanted: int | IntArray) -> BoolArray:
-    """Return which satellites remain when the least useful ones are left out one by one, (k, s).
+    """Select the satellites that remain when the least useful are left out one by one, (k, s).
 
     Without row ``r`` the normal matrix ``G`` of the geometry loses ``r r^T``, so the trace of its
     inverse, the square of the geometric dilution of precision, grows by ``|G^-1 r|^2 / (1 - r^T

@@ -1,4 +1,4 @@
-"""What a scenario file may say about receivers, their satellites and what disturbs them."""
+"""Format of a scenario's receivers, satellites and disturbances."""
 
 import math
 from typing import Annotated, Literal, TypeAlias
@@ -68,7 +68,7 @@ class SpanTable(Table, frozen=True, kw_only=True):
             raise ValueError(f"until_s: must lie after from_s, got {self.until_s:g}")
 
     def holds(self, t_s: FloatArray) -> BoolArray:
-        """Return which times, (n,), are in the span."""
+        """Select the times, (n,), in the span."""
         until_s = np.inf if self.until_s is None else self.until_s
         return np.asarray((t_s >= self.from_s) & (t_s < until_s))
 
@@ -89,7 +89,7 @@ class OutageTable(SpanTable, frozen=True):
 
 
 class BodyMaskTable(Table, frozen=True):
-    """What the body leaves in view: a cone about each antenna's axis."""
+    """View past the body: a cone about each antenna's axis."""
 
     axes_b: tuple[Vector, ...] = ((0.0, 0.0, -1.0),)  # one for all antennas, or one each
     half_angle_deg: Annotated[float, msgspec.Meta(gt=0, le=180)] = 90.0

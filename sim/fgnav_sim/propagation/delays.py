@@ -1,4 +1,4 @@
-"""What holds a signal up beside the way: air, ions, and the satellite's own electronics."""
+"""Delays of signals: troposphere, ionosphere, and the satellite's own electronics."""
 
 import numpy as np
 
@@ -22,12 +22,12 @@ def delays_m(
     t_s: FloatArray,
     seen: Links,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what code and phase travel longer than light in vacuum, (n, m), at all antennas.
+    """Return the delays of code and phase, m, (n, m), the same at all antennas.
 
     The air is that of the reference antenna: 1 m of height changes it by 0.3 mm at the zenith.
     """
     times_s = np.repeat(t_s[:, None], len(channels.satellites), axis=1)
-    late_m = C_MPS * group_delay_s(
+    group_m = C_MPS * group_delay_s(
         orbits,
         channels.satellites,
         channels.signals,
@@ -35,15 +35,15 @@ def delays_m(
         precise_clocks=bool(sensor.orbits),
     )
     if not sensor.atmosphere:
-        return late_m, np.zeros_like(late_m)
-    place = geodetic(places_e_m(scenario, t_s))
-    air_m = saastamoinen_m(place, seen.elevation_rad)
+        return group_m, np.zeros_like(group_m)
+    antenna = geodetic(places_e_m(scenario, t_s))
+    air_m = saastamoinen_m(antenna, seen.elevation_rad)
     if isinstance(orbits, PreciseOrbits):  # no messages, so no model of the ionosphere either
-        return late_m + air_m, air_m
+        return group_m + air_m, air_m
     ions_m = klobuchar_m(
-        orbits.klobuchar, place, seen.elevation_rad, seen.azimuth_rad, scenario.start_gps_s + t_s
+        orbits.klobuchar, antenna, seen.elevation_rad, seen.azimuth_rad, scenario.start_gps_s + t_s
     )
     pairs = zip(channels.satellites, channels.signals, strict=True)
     hz = np.array([frequency_hz(*pair) for pair in pairs])
     ions_m *= (frequency_hz("G", "1C") / hz) ** 2
-    return late_m + air_m + ions_m, air_m - ions_m
+    return group_m + air_m + ions_m, air_m - ions_m

@@ -64,25 +64,25 @@ def links(
     p_s_m, v_s_mps = states.p_e_m[:, None], states.v_e_mps[:, None]
 
     range_m, toward = first_m, p_s_m
-    late_s = np.zeros_like(travel_s)  # against the time for which the orbit was evaluated
+    shift_s = np.zeros_like(travel_s)  # against the time for which the orbit was evaluated
     for _ in range(
         2
     ):  # each shrinks the error by the satellite's speed over light's: below 1e-17 s
         travel_s = range_m / C_MPS
-        late_s = t_s[:, :, None] - travel_s - left_s[:, None]
-        range_m, toward = _way(p_s_m + late_s[..., None] * v_s_mps, travel_s, p_e_m)
+        shift_s = t_s[:, :, None] - travel_s - left_s[:, None]
+        range_m, toward = _way(p_s_m + shift_s[..., None] * v_s_mps, travel_s, p_e_m)
     elevation_rad, azimuth_rad = angles(p_e_m[:, 0], toward[:, 0])
     return Links(
         range_m=range_m,
         range_rate_mps=_rate(toward, v_s_mps, v_e_mps, p_e_m, range_m),
-        clock_s=states.clock_s[:, None] + late_s * states.clock_drift_sps[:, None],
+        clock_s=states.clock_s[:, None] + shift_s * states.clock_drift_sps[:, None],
         clock_drift_sps=np.broadcast_to(states.clock_drift_sps[:, None], range_m.shape),
         elevation_rad=elevation_rad,
         azimuth_rad=azimuth_rad,
     )
 
 
-def _turned(v: FloatArray, angle_rad: FloatArray) -> FloatArray:
+def _rotated(v: FloatArray, angle_rad: FloatArray) -> FloatArray:
     """Return coordinates of vectors (..., 3) in axes that turned on about z by angles (...)."""
     sine, cosine = np.sin(angle_rad), np.cos(angle_rad)
     x, y, z = np.moveaxis(v, -1, 0)
@@ -93,7 +93,7 @@ def _way(
     p_s_m: FloatArray, travel_s: FloatArray, p_e_m: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return length (n, a, s) and direction (n, a, s, 3) of the way to satellites."""
-    separation_m = _turned(p_s_m, EARTH_RATE_RADPS * travel_s) - p_e_m[:, :, None]
+    separation_m = _rotated(p_s_m, EARTH_RATE_RADPS * travel_s) - p_e_m[:, :, None]
     length_m = np.sqrt(np.einsum("nasi,nasi->nas", separation_m, separation_m))
     return length_m, separation_m / length_m[..., None]
 
@@ -110,7 +110,7 @@ def _rate(
     With ``q(t, travel)`` the satellite in the axes of reception, ``range = |q - p|`` and
     ``travel = range / c``: the range's rate stands on both sides, and is solved for.
     """
-    v_mps = _turned(v_s_mps, EARTH_RATE_RADPS * range_m / C_MPS)
+    v_mps = _rotated(v_s_mps, EARTH_RATE_RADPS * range_m / C_MPS)
     seen_m = toward * range_m[..., None] + p_e_m[:, :, None]
     spin_mps = EARTH_RATE_RADPS * np.stack(
         [seen_m[..., 1], -seen_m[..., 0], np.zeros_like(range_m)], axis=-1

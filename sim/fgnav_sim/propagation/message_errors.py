@@ -1,4 +1,4 @@
-"""What orbits, clocks and models of the atmosphere leave in every range to a satellite.
+"""Errors of orbits, clocks and models of the atmosphere in every range to a satellite.
 
 Estimators believe what a message states of its accuracy and what a model of the atmosphere is known
 to leave. Flights without such errors would be better than they have a right to expect: positions to
@@ -47,8 +47,8 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     middle = np.array([len(observations.t_s) // 2])
     ranges = code_ranges(flight, observations, channels, 0, middle)
     p_e_m = flight.origin.p_e_m[None]
-    seen = angles(p_e_m, signal_paths(ranges.states, p_e_m, np.zeros((1, 3))).e_e)
-    _, left_m2 = atmosphere_m(flight, channels, p_e_m, seen, ranges.gps_s)
+    viewed = angles(p_e_m, signal_paths(ranges.states, p_e_m, np.zeros((1, 3))).e_e)
+    _, left_m2 = atmosphere_m(flight, channels, p_e_m, viewed, ranges.gps_s)
     sigma_m = np.sqrt(np.nan_to_num(ranges.message_variance_m2 + left_m2))[0]
     drawn_m = sigma_m * rng.standard_normal(len(sigma_m))
     base, noise = flight.base, flight.gnss_noise
@@ -56,9 +56,9 @@ def with_message_errors(flight: Flight, rng: np.random.Generator) -> Flight:
     step_s = np.diff(t_s, prepend=t_s[0])[:, None]
     walk_m = np.sqrt(step_s) * rng.standard_normal((len(t_s), len(sigma_m)))
     walk_m = noise.satellite_error_walk_m_per_sqrt_s * np.cumsum(walk_m, axis=0)
-    row = int(np.searchsorted(t_s, observations.t_s[middle[0]]))
+    index = int(np.searchsorted(t_s, observations.t_s[middle[0]]))
     rate_mps = noise.satellite_error_rate_mps * rng.standard_normal(len(sigma_m))
-    moved_m = walk_m - walk_m[row] + (t_s - t_s[row])[:, None] * rate_mps
+    moved_m = walk_m - walk_m[index] + (t_s - t_s[index])[:, None] * rate_mps
     errors = _Errors(
         t_s=t_s,
         satellites=tuple(observations.satellites[column] for column in channels.column),
@@ -83,8 +83,8 @@ class _Errors(NamedTuple):
 
 def _further(observations: Observations, errors: _Errors) -> Observations:
     """Lengthen every range by its satellite's error."""
-    places = {satellite: k for k, satellite in enumerate(errors.satellites)}
-    column = np.array([places.get(satellite, -1) for satellite in observations.satellites])
+    columns = {satellite: k for k, satellite in enumerate(errors.satellites)}
+    column = np.array([columns.get(satellite, -1) for satellite in observations.satellites])
     row, has = np.searchsorted(errors.t_s, observations.t_s), column >= 0
     longer_m = np.where(has, errors.error_m[row][:, column], 0.0)[:, None]
     faster_mps = np.where(has, errors.rate_mps[column], 0.0)

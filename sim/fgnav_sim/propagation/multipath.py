@@ -10,7 +10,7 @@ from fgnav_sim.gnss.tables import ReflectorTable
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Echoes:
-    """What mirrored signals do to direct ones, (n, a, m) each."""
+    """Errors by mirrored signals, (n, a, m) each."""
 
     # code_m, phase_m: by how much pseudorange and phase range are longer
     code_m: FloatArray
@@ -51,8 +51,8 @@ def echoes(
        positioning, manuscripta geodaetica 13, 1988.
     """
     shape = (e_b.shape[0], arms_b_m.shape[0], e_b.shape[1])
-    echo, late, growing = (np.zeros(shape, dtype=complex) for _ in range(3))
-    turn_b_radps = -np.cross(w_nb_b_radps[:, None], e_b)
+    echo, delayed, growing = (np.zeros(shape, dtype=complex) for _ in range(3))
+    rate_b_radps = -np.cross(w_nb_b_radps[:, None], e_b)
     for mirror in reflectors:
         normal_b = np.array(mirror.normal_b) / np.linalg.norm(mirror.normal_b)
         from_middle_b_m = arms_b_m - np.array(mirror.point_b_m)
@@ -68,13 +68,13 @@ def echoes(
             point_b_m = image_b_m[:, None] + reach_m[..., None] * e_b[:, None]
             lit &= np.linalg.norm(point_b_m, axis=-1) <= mirror.radius_m
         wave = np.where(lit, mirror.amplitude * np.exp(-1j * theta), 0.0)
-        grows_mps = 2 * height_m[None, :, None] * (turn_b_radps @ normal_b)[:, None]
+        grows_mps = 2 * height_m[None, :, None] * (rate_b_radps @ normal_b)[:, None]
         echo += wave
-        late += longer_m * wave
+        delayed += longer_m * wave
         growing += grows_mps * wave
     composite = 1 + echo
     return Echoes(
-        code_m=(late / composite).real,
+        code_m=(delayed / composite).real,
         phase_m=-np.angle(composite) / (2 * np.pi) * wavelength_m,
         rate_mps=(growing / composite).real,
         gain_db=20 * np.log10(np.abs(composite)),

@@ -37,13 +37,13 @@ def wind_up(
     k_b = -e_b
     satellite_b = _across(k_b, pole_b[:, None])
     receiver_b = _dipole(k_b, _X_B, _Y_B)
-    turning_b = _dipole(
+    rotating_b = _dipole(
         k_b, np.cross(w_nb_b_radps, _X_B)[:, None], np.cross(w_nb_b_radps, _Y_B)[:, None]
     )
     sine = _dot(k_b, np.cross(satellite_b, receiver_b))
     cycles = np.arctan2(sine, _dot(satellite_b, receiver_b)) / (2 * np.pi)
     size = np.maximum(_dot(receiver_b, receiver_b), _SMALL)
-    rate = _dot(k_b, np.cross(receiver_b, turning_b)) / size / (2 * np.pi)
+    rate = _dot(k_b, np.cross(receiver_b, rotating_b)) / size / (2 * np.pi)
     steps = np.diff(cycles, axis=0)
     expected = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t_s)[:, None]
     steps += np.rint(np.nan_to_num(expected - steps))

@@ -35,31 +35,31 @@ def watch(
     """
     t_s = scenario.epochs_s(sensor.rate_hz)
     noise = rng.standard_normal((len(t_s), 4))  # drawn for all times: the path changes no noise
-    turned_rad = sensor.misalignment_rad * rng.spawn(1)[0].standard_normal((1, 3))
+    misalignment_rad = sensor.misalignment_rad * rng.spawn(1)[0].standard_normal((1, 3))
     state = scenario.motion(t_s)
-    place_n_m, _, _ = state.at(np.array(sensor.position_b_m))
+    position_n_m, _, _ = state.at(np.array(sensor.position_b_m))
     landmark_n_m = scenario.origin.frame.to_n(sensor.landmark.frame.p_e_m[None])[0]
-    sight_b_m = np.einsum("nij,nj->ni", transpose(state.R_nb), landmark_n_m - place_n_m)
-    sight_b_m = sight_b_m @ exp(turned_rad)[0]  # in the detector's own axes
+    sight_b_m = np.einsum("nij,nj->ni", transpose(state.R_nb), landmark_n_m - position_n_m)
+    sight_b_m = sight_b_m @ exp(misalignment_rad)[0]  # in the detector's own axes
     ahead_m = np.where(sight_b_m[:, 0] > 0, sight_b_m[:, 0], np.nan)
     spot_m = sensor.focal_length_m * sight_b_m[:, 1:] / ahead_m[:, None]
     # A comparison with NaN is false: a beacon behind is not seen.
-    off_axis = np.linalg.norm(spot_m, axis=1) / sensor.focal_length_m
-    in_view = off_axis <= np.tan(np.radians(sensor.field_of_view_deg))
-    seen = in_view & (np.linalg.norm(sight_b_m, axis=1) <= sensor.range_m)
-    if not seen.any():
+    tangent = np.linalg.norm(spot_m, axis=1) / sensor.focal_length_m
+    in_view = tangent <= np.tan(np.radians(sensor.field_of_view_deg))
+    visible = in_view & (np.linalg.norm(sight_b_m, axis=1) <= sensor.range_m)
+    if not visible.any():
         return None
-    distance_m = np.linalg.norm(sight_b_m[seen], axis=1)
-    currents = _currents(spot_m[seen] / sensor.detector_radius_m)
+    distance_m = np.linalg.norm(sight_b_m[visible], axis=1)
+    currents = _currents(spot_m[visible] / sensor.detector_radius_m)
     if sensor.optics is None:
-        currents += _current_noise(sensor) * noise[seen]
+        currents += _current_noise(sensor) * noise[visible]
     else:
-        currents *= _total_a(sensor, sensor.optics, distance_m, spot_m[seen])[:, None]
-        currents = _read(sensor.optics, currents + sensor.optics.noise_a * noise[seen])
+        currents *= _total_a(sensor, sensor.optics, distance_m, spot_m[visible])[:, None]
+        currents = _read(sensor.optics, currents + sensor.optics.noise_a * noise[visible])
     for shade in sensor.occlusions:
-        currents[shade.holds(t_s[seen]), shade.quadrant - 1] = 0.0
+        currents[shade.holds(t_s[visible]), shade.quadrant - 1] = 0.0
     return Photodetector(
-        t_s=t_s[seen],
+        t_s=t_s[visible],
         currents=currents,
         position_b_m=np.array(sensor.position_b_m),
         landmark_n_m=landmark_n_m,
@@ -70,7 +70,7 @@ def watch(
 
 
 def saturated(sensor: PhotodetectorTable, photodetector: Photodetector) -> tuple[Unused, ...]:
-    """Return how many samples have a current that was cut."""
+    """Count the samples with a current that was cut."""
     limit_a = sensor.optics.saturation_a if sensor.optics else None
     if limit_a is None or not (cut := (photodetector.currents >= limit_a).any(axis=1)).any():
         return ()
@@ -98,17 +98,17 @@ def share_within(distance: FloatArray, small: float, large: float) -> FloatArray
     """
     if small > large:
         return share_within(distance, large, small) * (large / small) ** 2
-    apart = np.clip(distance, large - small, large + small)
-    near = np.where(apart > 0, apart, 1.0)  # equal circles at one place
+    separation = np.clip(distance, large - small, large + small)
+    near = np.where(separation > 0, separation, 1.0)  # equal circles at one place
     angle_small = np.arccos(np.clip((near**2 + small**2 - large**2) / (2 * near * small), -1, 1))
     angle_large = np.arccos(np.clip((near**2 + large**2 - small**2) / (2 * near * large), -1, 1))
     segments = small**2 * (angle_small - 0.5 * np.sin(2 * angle_small))
     segments += large**2 * (angle_large - 0.5 * np.sin(2 * angle_large))
-    return np.where(apart > 0, segments / (np.pi * small**2), 1.0)
+    return np.where(separation > 0, segments / (np.pi * small**2), 1.0)
 
 
 def _read(optics: OpticsTable, currents_a: FloatArray) -> FloatArray:
-    """Return what the electronics make of currents: nothing of faint ones, no more of strong."""
+    """Return currents as read: none of faint ones, no more of strong."""
     faint = currents_a < optics.threshold_sigmas * optics.noise_a
     largest_a = np.inf if optics.saturation_a is None else optics.saturation_a
     return np.where(faint, 0.0, np.minimum(currents_a, largest_a))

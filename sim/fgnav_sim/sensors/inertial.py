@@ -14,7 +14,7 @@ _BLOCK = 50_000  # samples whose motion is held in memory at a time
 
 
 def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> Imu:
-    """Return what an inertial unit measures: point values at its sample times.
+    """Return the samples of an IMU: point values at its sample times.
 
     The gyroscope draws from a generator of its own, so that the accelerometer's noise does not
     depend on whether there is one. Estimators are told white noise, bias and walk, no more.
@@ -41,7 +41,7 @@ def sense(sensor: ImuTable, scenario: Scenario, *, rng: np.random.Generator) -> 
 
 
 def saturated(sensor: ImuTable, imu: Imu) -> tuple[Unused, ...]:
-    """Return how many samples of each triad were cut at the end of its range."""
+    """Count the samples of each triad that were cut at the end of its range."""
     ranges = (
         ("accelerometer", imu.f_b_mps2, sensor.accelerometer_range_mps2, "m/s2"),
         ("gyroscope", imu.w_b_radps, sensor.gyroscope_range_radps, "rad/s"),
@@ -58,7 +58,7 @@ def saturated(sensor: ImuTable, imu: Imu) -> tuple[Unused, ...]:
 def _measured(
     sensor: ImuTable, name: str, unit: str, true: FloatArray, *, rng: np.random.Generator
 ) -> FloatArray:
-    """Return what an accelerometer (mps2) or gyroscope (radps) makes of true values, (k, 3).
+    """Return samples of an accelerometer (mps2) or gyroscope (radps) of true values, (k, 3).
 
     Three sensors that ought to be alike and at right angles.
     """

@@ -34,11 +34,11 @@ def point(
 ) -> Magnetometer:
     """Return the field that a magnetometer tells: the Earth's, the vehicle's own, white noise."""
     t_s, field_n_ut = scenario.epochs_s(sensor.rate_hz), np.array(sensor.field_n_ut)
-    own_b_ut = sensor.hard_iron_ut * rng.standard_normal(3)
+    hard_iron_b_ut = sensor.hard_iron_ut * rng.standard_normal(3)
     noise_ut = sensor.noise_ut * rng.standard_normal((len(t_s), 3))
     return Magnetometer(
         t_s=t_s,
-        field_b_ut=transpose(scenario.motion(t_s).R_nb) @ field_n_ut + own_b_ut + noise_ut,
+        field_b_ut=transpose(scenario.motion(t_s).R_nb) @ field_n_ut + hard_iron_b_ut + noise_ut,
         field_n_ut=field_n_ut,
         noise_ut=sensor.noise_ut,
         hard_iron_ut=sensor.hard_iron_ut,

@@ -1,4 +1,4 @@
-"""What a scenario may say of instruments that sense the vehicle's surroundings."""
+"""Format of a scenario's barometer and magnetometer."""
 
 from fgnav.io.strict_toml import NotNegative, Positive, Table, Vector
 

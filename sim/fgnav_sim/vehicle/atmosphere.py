@@ -1,6 +1,5 @@
 """Air: the US standard atmosphere as a table, winds by height, turbulence along the path."""
 
-from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 
@@ -9,6 +8,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray, frozen, positive
 
 GEOPOTENTIAL_RADIUS_M = 6_356_766.0  # US-1976, the radius that turns height into geopotential
+GUST_INTERVAL_M = 5.0  # of turbulence, along the path
 FLOOR_M, CELL_M = -5000.0, 100.0  # geopotential heights of the table's first cell
 _LAYERS_M = (-5000, 0, 11000, 20000, 32000, 47000, 51000, 71000, 80000)  # US-1976, geopotential
 
@@ -49,34 +49,6 @@ def vacuum() -> FloatArray:
     return table
 
 
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Air:
-    """What a flight moves through; wind is where the air goes to, north and east."""
-
-    present: bool = True  # standard atmosphere, or vacuum
-    # (w,); ellipsoidal heights, increasing; the wind is linear between them and constant outside
-    wind_height_m: FloatArray = field(default_factory=lambda: np.zeros(1))
-    # (w, 2); north and east components
-    wind_mps: FloatArray = field(default_factory=lambda: np.zeros((1, 2)))
-    # (g, 3); north, east, down, at equal intervals of the distance flown through the air; the last
-    # one then stays. See ``dryden``.
-    gust_mps: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
-    gust_interval_m: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Freeze the tables; heights must increase."""
-        height_m = frozen("wind_height_m", self.wind_height_m, (None,))
-        object.__setattr__(self, "wind_height_m", height_m)
-        wind_mps = frozen("wind_mps", self.wind_mps, (len(height_m), 2))
-        object.__setattr__(self, "wind_mps", wind_mps)
-        object.__setattr__(self, "gust_mps", frozen("gust_mps", self.gust_mps, (None, 3)))
-        positive("gust_interval_m", self.gust_interval_m)
-        if not (len(height_m) and len(self.gust_mps)):
-            raise BadInputError("wind_height_m, gust_mps: must have one row or more")
-        if (np.diff(height_m) <= 0).any():
-            raise BadInputError(f"wind_height_m: must increase, got {height_m.tolist()}")
-
-
 def dryden(
     rng: np.random.Generator,
     *,
@@ -84,7 +56,6 @@ def dryden(
     direction_n: FloatArray,
     length_m: float,
     scale_m: float = 533.4,
-    interval_m: float = 5.0,
 ) -> FloatArray:
     """Return gusts with Dryden's spectra along a straight path through frozen turbulence.
 
@@ -106,7 +77,7 @@ def dryden(
     Returns
     -------
     ndarray, shape (g, 3)
-        North, east, down components, m/s, for ``Air.gust_mps``.
+        North, east, down components, m/s, every ``GUST_INTERVAL_M`` of the path.
 
     References
     ----------
@@ -114,16 +85,15 @@ def dryden(
     """
     for name, value in (("sigma_mps", sigma_mps), ("length_m", length_m), ("scale_m", scale_m)):
         positive(name, value)
-    positive("interval_m", interval_m)
     along = frozen("direction_n", direction_n, (3,))
     if not along.any():
         raise BadInputError("direction_n: must not be zero")
-    count = int(np.ceil(length_m / interval_m)) + 1
-    first, _ = _markov_pair(rng, count, interval_m / scale_m)
+    count = int(np.ceil(length_m / GUST_INTERVAL_M)) + 1
+    first, _ = _markov_pair(rng, count, GUST_INTERVAL_M / scale_m)
     gust = np.empty((count, 3))
     gust[:, 0] = np.sqrt(2) * first
     for axis in (1, 2):
-        first, second = _markov_pair(rng, count, interval_m / scale_m)
+        first, second = _markov_pair(rng, count, GUST_INTERVAL_M / scale_m)
         gust[:, axis] = np.sqrt(3) * first + (1 - np.sqrt(3)) * second
     basis = np.linalg.qr(np.column_stack([along, np.eye(3)]))[0]
     basis[:, 0] *= np.sign(basis[:, 0] @ along)

@@ -13,7 +13,7 @@ from fgnav_sim.vehicle.forces import (
     added,
     canard,
     cross,
-    turned_back,
+    rotate_back,
 )  # fmt: skip
 
 _LEAST_PRESSURE_PA = 10.0  # below this canards have nothing to hold on to, and rest
@@ -39,7 +39,7 @@ def commanded(body: Body, tables: FloatArray, t: float) -> tuple[Vector, Vector]
 
 
 @kernel
-def wanted_turn(
+def attitude_demand(
     body: Body, tables: FloatArray, t: float, R_ib: Frame, ned: Frame, w_b: Vector
 ) -> Vector:
     """Return the angular acceleration in body axes that brings the attitude to the commanded one.
@@ -58,7 +58,7 @@ def wanted_turn(
     actual = ((R_ib[0][0], R_ib[1][0], R_ib[2][0]), (R_ib[0][1], R_ib[1][1], R_ib[2][1]),
               (R_ib[0][2], R_ib[1][2], R_ib[2][2]))  # fmt: skip
     for axis in range(3):
-        error = added(error, cross(actual[axis], turned_back(ned, columns[axis])), 0.5)
+        error = added(error, cross(actual[axis], rotate_back(ned, columns[axis])), 0.5)
     rate = (
         roll_rate - yaw_rate * sp,
         pitch_rate * cr + yaw_rate * cp * sr,
@@ -66,7 +66,7 @@ def wanted_turn(
     )
     f = body.frequency_radps
     lag = added(rate, w_b, -1.0)
-    return added(added((0.0, 0.0, 0.0), turned_back(R_ib, error), f * f), lag, 2 * body.damping * f)
+    return added(added((0.0, 0.0, 0.0), rotate_back(R_ib, error), f * f), lag, 2 * body.damping * f)
 
 
 @kernel

@@ -8,7 +8,7 @@ import numpy as np
 from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import quaternion_wxyz
-from fgnav_sim.motion import State, turned
+from fgnav_sim.motion import State, rotated
 from fgnav_sim.vehicle.forces import P, Q, V, W
 from fgnav_sim.vehicle.model import burning_curve
 from fgnav_sim.vehicle.rigid_body import Flown, rotations_of
@@ -51,8 +51,8 @@ class FlownMotion:
         wxyz, rate, second = q(t_s), q(t_s, 1), q(t_s, 2)
         norm2 = np.sum(wxyz**2, axis=1, keepdims=True)
         w_b = 2 * _product(_conjugate(wxyz), rate)[:, 1:] / norm2
-        stretch = 2 * np.sum(wxyz * rate, axis=1, keepdims=True) / norm2
-        alpha_b = 2 * _product(_conjugate(wxyz), second)[:, 1:] / norm2 - stretch * w_b
+        growth = 2 * np.sum(wxyz * rate, axis=1, keepdims=True) / norm2
+        alpha_b = 2 * _product(_conjugate(wxyz), second)[:, 1:] / norm2 - growth * w_b
         return State(
             p_n_m=p(t_s),
             v_n_mps=p(t_s, 1),
@@ -63,10 +63,10 @@ class FlownMotion:
         )
 
 
-def flown_motion(
-    flown: Flown, origin: Origin, flight: int = 0, vehicle: Vehicle | None = None
-) -> FlownMotion:
+def flown_motion(flown: Flown, origin: Origin) -> FlownMotion:
     """Return the motion of a flight in the frame ``n`` of an origin.
+
+    The body's origin is its dry centre of mass, of which the burning motor's moves away.
 
     Parameters
     ----------
@@ -75,27 +75,22 @@ def flown_motion(
         1e-9 of the attitude.
     origin : Origin
         Of the frame; the flight starts wherever it was launched.
-    vehicle : Vehicle or None
-        The body's origin is its dry centre of mass, of which the burning motor's moves away; None:
-        the centre of mass.
 
     Raises
     ------
     BadInputError
         If fewer than two rows of the flight are above the ground.
     """
-    count = int(flown.rows[flight])
-    if count < 2:
-        raise BadInputError(f"flight {flight}: must have two rows or more, got {count}")
-    t_s, y, dy = flown.t_s[:count], flown.y[flight, :count], flown.dy[flight, :count]
-    planet = flown.planet
-    R_ni = origin.R_ne @ planet.turn(t_s)
+    t_s, y, dy, planet = flown.t_s, flown.y, flown.dy, flown.planet
+    if len(t_s) < 2:
+        raise BadInputError("flown.start: the flight meets the ground at once; start higher")
+    R_ni = origin.R_ne @ planet.R_ei(t_s)
     p_i, v_i, a_i, w = y[:, P : P + 3], y[:, V : V + 3], dy[:, V : V + 3], y[:, W : W + 3]
     earth = planet.rate_i_radps
     pull = np.cross(earth, np.cross(earth, p_i))
-    p_n_m = turned(R_ni, p_i) - origin.R_ne @ planet.p_e_m(origin)
-    v_n_mps = turned(R_ni, v_i - np.cross(earth, p_i))
-    a_n_mps2 = turned(R_ni, a_i - 2 * np.cross(earth, v_i) + pull)
+    p_n_m = rotated(R_ni, p_i) - origin.R_ne @ planet.p_e_m(origin)
+    v_n_mps = rotated(R_ni, v_i - np.cross(earth, p_i))
+    a_n_mps2 = rotated(R_ni, a_i - 2 * np.cross(earth, v_i) + pull)
 
     q_ib = y[:, Q : Q + 4] / np.linalg.norm(y[:, Q : Q + 4], axis=1, keepdims=True)
     half = 0.5 * planet.rate_radps * t_s
@@ -103,16 +98,16 @@ def flown_motion(
     q_ei = np.column_stack([np.cos(half), zero, zero, -np.sin(half)])
     q_ne = np.broadcast_to(quaternion_wxyz(origin.R_ne[None]), q_ei.shape)
     q_nb = _product(q_ne, _product(q_ei, q_ib))
-    earth_b = turned(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
+    earth_b = rotated(rotations_of(q_ib).swapaxes(1, 2), np.broadcast_to(earth, p_i.shape))
     w_nb = w - earth_b
     alpha_nb = dy[:, W : W + 3] + np.cross(w, earth_b)
-    lever, lever_rate, lever_second = _dry_centre_b_m(vehicle, t_s)
-    swing = np.cross(w_nb, lever) + lever_rate
-    pull_b = np.cross(alpha_nb, lever) + np.cross(w_nb, swing + lever_rate) + lever_second
+    lever, lever_rate, lever_second = _dry_centre_b_m(flown.vehicle, t_s)
+    lever_b_mps = np.cross(w_nb, lever) + lever_rate
+    pull_b = np.cross(alpha_nb, lever) + np.cross(w_nb, lever_b_mps + lever_rate) + lever_second
     R_nb = rotations_of(q_nb)
-    p_n_m += turned(R_nb, lever)
-    v_n_mps += turned(R_nb, swing)
-    a_n_mps2 += turned(R_nb, pull_b)
+    p_n_m += rotated(R_nb, lever)
+    v_n_mps += rotated(R_nb, lever_b_mps)
+    a_n_mps2 += rotated(R_nb, pull_b)
     rate = 0.5 * _product(q_nb, _pure(w_nb))
     second = 0.5 * (_product(rate, _pure(w_nb)) + _product(q_nb, _pure(alpha_nb)))
     return FlownMotion(
@@ -121,12 +116,10 @@ def flown_motion(
     )
 
 
-def _dry_centre_b_m(
-    vehicle: Vehicle | None, t_s: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _dry_centre_b_m(vehicle: Vehicle, t_s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return where the dry centre of mass is from the present one, and two derivatives, (n, 3)."""
     lever = np.zeros((3, len(t_s), 3))
-    if vehicle is not None and vehicle.motor is not None:
+    if vehicle.motor is not None:
         table, grid_s = vehicle.motor, vehicle.motor.time_s
         thrust, shift_m = burning_curve(table), vehicle.body.centre_m - table.loaded_centre_m
         impulse = thrust.antiderivative()
@@ -150,7 +143,10 @@ def _quintic(t_s: FloatArray, value: FloatArray, rate: FloatArray, second: Float
     f = 0.5 * h**2 * second[1:] - c2
     rows = [6 * d - 3 * e + f, -15 * d + 7 * e - 2 * f, 10 * d - 4 * e + f, c2, c1, value[:-1]]
     powers = [h**power for power in (5, 4, 3, 2, 1, 0)]
-    return PPoly(np.stack([row / power for row, power in zip(rows, powers, strict=True)]), t_s)
+    return PPoly(
+        np.stack([coefficient / power for coefficient, power in zip(rows, powers, strict=True)]),
+        t_s,
+    )
 
 
 def _product(p: FloatArray, q: FloatArray) -> FloatArray:

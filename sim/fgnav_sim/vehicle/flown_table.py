@@ -1,9 +1,12 @@
-"""What a scenario says of a flight that a rigid body makes by itself."""
+"""Format of a scenario that a rigid body flies."""
 
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 
+from fgnav.checks import FloatArray
+from fgnav.geometry.rotations import from_euler
 from fgnav.io.strict_toml import Positive, Table, Vector
 from fgnav_sim.motion import Command, Hold
 from fgnav_sim.vehicle.atmosphere import FLOOR_M
@@ -12,7 +15,7 @@ from fgnav_sim.vehicle.tables import Column, Vehicle, check_grid, check_length
 
 
 class StartTable(Table, frozen=True):
-    """How the flight starts."""
+    """Start of the flight."""
 
     position_n_m: Vector = (0.0, 0.0, 0.0)  # of the centre of mass, from the scenario's origin
     # v_n_mps, v_b_mps: velocity against the Earth: the sum of a part in the frame ``n`` and one in
@@ -24,6 +27,16 @@ class StartTable(Table, frozen=True):
     rate_against: Literal["earth", "inertial"] = "earth"  # what the rate is counted from
     rear_spin_degps: float = 0.0  # of a decoupled rear body about +x_b, counted as the rate is
 
+    @property
+    def R_nb(self) -> FloatArray:
+        """Attitude, (3, 3)."""
+        return np.asarray(from_euler(*np.radians(self.euler_deg)[:, None])[0])
+
+    @property
+    def velocity_n_mps(self) -> FloatArray:
+        """Velocity against the Earth, (3,)."""
+        return np.asarray(np.array(self.v_n_mps) + self.R_nb @ np.array(self.v_b_mps))
+
 
 class AttitudeTable(Table, frozen=True):
     """Euler angles that the autopilot holds, against north, east, down where the body is."""
@@ -34,7 +47,7 @@ class AttitudeTable(Table, frozen=True):
 
 
 class WindTable(Table, frozen=True):
-    """Where the air goes to, by ellipsoidal height: linear in between, constant outside."""
+    """Motion of the air by ellipsoidal height: linear in between, constant outside."""
 
     height_m: tuple[float, ...] = (0.0,)
     # north_mps, east_mps: one value for every height, or one for each

@@ -58,9 +58,9 @@ _NOT_NEGATIVE = 2**48 - 1  # a mask that says so: indices need no check, loops v
 
 
 class Model(NamedTuple):
-    """A batch of flights."""
+    """A flight."""
 
-    bodies: Any
+    body: Body
     tables: Any  # whose parts start where the body says
     air: Any  # see ``atmosphere.us_1976``
 
@@ -84,13 +84,13 @@ def added(a: Vector, b: Vector, factor: float) -> Vector:
 
 
 @kernel
-def turned(R: Frame, v: Vector) -> Vector:
+def rotate(R: Frame, v: Vector) -> Vector:
     """Return R v, with R as three rows."""
     return dot(R[0], v), dot(R[1], v), dot(R[2], v)
 
 
 @kernel
-def turned_back(R: Frame, v: Vector) -> Vector:
+def rotate_back(R: Frame, v: Vector) -> Vector:
     """Return R' v."""
     w = added((0.0, 0.0, 0.0), R[0], v[0])
     return added(added(w, R[1], v[1]), R[2], v[2])
@@ -113,7 +113,7 @@ def air_at(air: FloatArray, height: float) -> tuple[float, float]:
 
 
 @kernel
-def row_of(tables: FloatArray, at: int, count: int, value: float) -> int:
+def interval_of(tables: FloatArray, at: int, count: int, value: float) -> int:
     """Return the interval of an increasing grid that holds a value, the nearest one outside."""
     low, high = 0, count - 1
     while high - low > 1:
@@ -131,7 +131,7 @@ def wind_at(body: Body, tables: FloatArray, height: float, path: float) -> Vecto
     grid, wind = body.wind, body.wind + body.winds
     north, east = tables[wind], tables[wind + 1]
     if body.winds > 1:
-        k = row_of(tables, grid, body.winds, height)
+        k = interval_of(tables, grid, body.winds, height)
         x = (height - tables[grid + k]) / (tables[grid + k + 1] - tables[grid + k])
         x, wind = min(max(x, 0.0), 1.0), wind + 2 * k
         north = tables[wind] + x * (tables[wind + 2] - tables[wind])
@@ -154,7 +154,7 @@ def coefficients_at(body: Body, tables: FloatArray, mach: float, out: FloatArray
     """Write all coefficients at a Mach number; outside the table its ends hold."""
     grid, n = body.mach, COEFFICIENTS
     mach = min(max(mach, tables[grid]), tables[grid + body.machs - 1])
-    k = row_of(tables, grid, body.machs, mach)
+    k = interval_of(tables, grid, body.machs, mach)
     x = mach - tables[grid + k]
     c = (grid + body.machs + 4 * n * k) & _NOT_NEGATIVE
     for j in range(n):
@@ -277,7 +277,7 @@ def burning(body: Body, tables: FloatArray, t: float) -> tuple[float, float, flo
         return 0.0, 1.0, 0.0
     if t >= tables[last]:
         return 0.0, 0.0, 0.0
-    k = row_of(tables, grid, body.burns, t)
+    k = interval_of(tables, grid, body.burns, t)
     x, thrust, burnt, rate = t - tables[grid + k], 0.0, 0.0, 0.0
     c = last + 1 + 10 * k
     for j in range(c, c + 10, 2):

@@ -1,14 +1,13 @@
-"""Vehicles, air and commands as the arrays of the compiled code."""
+"""Vehicle, air and commands as the arrays of the compiled code."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray
+from fgnav.checks import FloatArray
 from fgnav.geometry import earth
-from fgnav_sim.motion import Command
-from fgnav_sim.vehicle.atmosphere import Air, us_1976, vacuum
+from fgnav_sim.vehicle.atmosphere import GUST_INTERVAL_M, us_1976, vacuum
+from fgnav_sim.vehicle.flown_table import AttitudeTable, FlownTable
 from fgnav_sim.vehicle.forces import AERODYNAMICS, BODY, CANARD, COEFFICIENTS, GRAVITY, Model
 from fgnav_sim.vehicle.planet import WGS84, Planet
 from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTable, Vehicle
@@ -16,66 +15,37 @@ from fgnav_sim.vehicle.tables import Axisymmetric, CanardsTable, Column, MotorTa
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
 
-Attitude: TypeAlias = tuple[Command, Command, Command]  # roll, pitch, yaw
-
 _COMMAND_INTERVAL_S = 0.05  # cubics between: a sine of 1 rad/s is within 2e-8 of its amplitude
-_NO_COMMAND = np.zeros((2, 6))
+NO_GUST = np.zeros((1, 3))
 
 
 def pack(
-    vehicles: Sequence[Vehicle],
-    air: Sequence[Air],
-    field: tuple[str, Planet],
-    commands: Attitude | None,
-    duration_s: float,
+    vehicle: Vehicle, table: FlownTable, duration_s: float, gust_mps: FloatArray = NO_GUST
 ) -> Model:
-    """Return the arrays of a batch of flights: vehicles and air one each.
-
-    ``field`` is the gravity model and the planet it belongs to.
-
-    Raises
-    ------
-    BadInputError
-        If the gravity model is unknown or another planet's, or only some flights have air.
-    """
-    gravity, planet = field
-    if gravity not in GRAVITY:
-        raise BadInputError(f"gravity model: must be one of {', '.join(GRAVITY)}, got {gravity!r}")
-    if gravity == "wgs84-normal" and planet != WGS84:
-        raise BadInputError(
-            "gravity model: wgs84-normal is the WGS-84 Earth's; take j2, spherical or constant"
-        )
-    if len({one.present for one in air}) != 1:
-        raise BadInputError("air: must be present in all flights of a batch, or in none")
-    command = _NO_COMMAND if commands is None else _command_table(commands, duration_s)
-    bodies, tables = np.zeros(len(vehicles), BODY), []
-    for row, (vehicle, one) in enumerate(zip(vehicles, air, strict=True)):
-        _write_body(bodies[row], vehicle, one)
-        _write_field(bodies[row], gravity, planet)
-        parts = {
-            "mach": _coefficients(vehicle),
-            "burn": _burn(vehicle.motor),
-            "wind": (one.wind_height_m, one.wind_mps),
-            "gust": (one.gust_mps,),
-            "command": (command,),
-        }
-        tables.append(_joined(bodies[row], parts))
-    longest = max(len(table) for table in tables)
-    return Model(
-        bodies=bodies,
-        tables=np.stack([np.pad(table, (0, longest - len(table))) for table in tables]),
-        air=us_1976() if air[0].present else vacuum(),
-    )
+    """Return the arrays of a flight of a vehicle."""
+    wind, body = table.wind, np.zeros(1, BODY)[0]
+    wind_mps = np.empty((len(wind.height_m), 2))
+    wind_mps[:, 0], wind_mps[:, 1] = wind.north_mps, wind.east_mps
+    _write_body(body, vehicle)
+    _write_field(body, table.gravity or "wgs84-normal", table.earth or WGS84)
+    parts = {
+        "mach": _coefficients(vehicle),
+        "burn": _burn(vehicle.motor),
+        "wind": (np.array(wind.height_m), wind_mps),
+        "gust": (gust_mps,),
+        "command": (_command_table(table.attitude, duration_s),),
+    }
+    return Model(body=body, tables=_joined(body, parts), air=us_1976() if table.air else vacuum())
 
 
 def _joined(body: np.void, parts: dict[str, tuple[FloatArray, ...]]) -> FloatArray:
     """Return all tables as one flat array; write where each starts, and its number of rows."""
     flat: list[FloatArray] = []
     start = 0
-    for name, part in parts.items():
-        body[name], body[f"{name}s"] = start, len(part[0])
-        flat += [table.ravel() for table in part]
-        start += sum(table.size for table in part)
+    for name, table_parts in parts.items():
+        body[name], body[f"{name}s"] = start, len(table_parts[0])
+        flat += [table.ravel() for table in table_parts]
+        start += sum(table.size for table in table_parts)
     return np.concatenate(flat)
 
 
@@ -89,8 +59,8 @@ def _write_field(body: np.void, gravity: str, planet: Planet) -> None:
     body["oblateness_m2"] = 1.5 * earth.J2 * a**2 if gravity == "j2" else 0.0
 
 
-def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
-    """Write the scalars of one flight."""
+def _write_body(body: np.void, vehicle: Vehicle) -> None:
+    """Write the scalars of the vehicle."""
     dry, motor = vehicle.body, vehicle.motor
     body["dry_kg"], body["dry_centre_m"] = dry.mass_kg, dry.centre_m
     body["dry_kgm2"] = (*dry.inertia_kgm2, *dry.products_kgm2)
@@ -111,7 +81,7 @@ def _write_body(body: np.void, vehicle: Vehicle, air: Air) -> None:
     if shape is not None:
         body["rate_factor"] = 1.0 if shape.rate_terms == "d/v" else 0.5
         body["reference_m"] = dry.centre_m if shape.reference_m is None else shape.reference_m
-    body["gust_interval_m"], body["command_interval_s"] = air.gust_interval_m, _COMMAND_INTERVAL_S
+    body["gust_interval_m"], body["command_interval_s"] = GUST_INTERVAL_M, _COMMAND_INTERVAL_S
     body["lag_s"] = 1.0
     if vehicle.canards is not None:
         _add_canards(body, vehicle.canards)
@@ -137,13 +107,13 @@ def _coefficients(vehicle: Vehicle) -> tuple[FloatArray, FloatArray]:
     shape = vehicle.aerodynamics
     columns: dict[int, Column] = {}
     if shape is not None:
-        columns = {row: getattr(shape, name) for row, name in enumerate(shape.coefficients())}
+        columns = {index: getattr(shape, name) for index, name in enumerate(shape.coefficients())}
     if vehicle.canards is not None:
         columns[CANARD] = vehicle.canards.slope
     mach = np.array(shape.mach if shape is not None else (0.0,))
     values = np.zeros((len(mach), COEFFICIENTS))
-    for row, column in columns.items():
-        values[:, row] = column
+    for index, column in columns.items():
+        values[:, index] = column
     if len(mach) == 1:
         table = np.zeros((1, 4, COEFFICIENTS))
         table[0, 3] = values[0]
@@ -170,8 +140,10 @@ def _burn(motor: MotorTable | None) -> tuple[FloatArray, FloatArray]:
     return np.array(motor.time_s), table
 
 
-def _command_table(commands: Attitude, duration_s: float) -> FloatArray:
-    """Return roll, pitch, yaw and their rates at equal intervals, (c, 6)."""
+def _command_table(attitude: AttitudeTable | None, duration_s: float) -> FloatArray:
+    """Return roll, pitch, yaw and their rates at equal intervals, (c, 6); zeros of no command."""
+    if attitude is None:
+        return np.zeros((2, 6))
     t_s = np.arange(int(np.ceil(duration_s / _COMMAND_INTERVAL_S)) + 2) * _COMMAND_INTERVAL_S
-    angles = [command(t_s) for command in commands]
+    angles = [command(t_s) for command in (attitude.roll, attitude.pitch, attitude.yaw)]
     return np.column_stack([angle[0] for angle in angles] + [angle[1] for angle in angles])

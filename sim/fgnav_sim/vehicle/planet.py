@@ -4,7 +4,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, positive
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry import earth
 from fgnav.geometry.earth import Origin
 from fgnav.io.strict_toml import NotNegative, Positive, Table
@@ -23,8 +23,6 @@ class Planet(Table, frozen=True):
 
     def __post_init__(self) -> None:
         """Require a body that can exist."""
-        positive("semi_major_axis_m", self.semi_major_axis_m)
-        positive("gm_m3ps2", self.gm_m3ps2)
         if not 0.0 <= self.flattening < 0.1:
             raise BadInputError(f"flattening: must be from 0 to below 0.1, got {self.flattening}")
         if not abs(self.rate_radps) < 1e-3:
@@ -54,7 +52,7 @@ class Planet(Table, frozen=True):
             ]
         )
 
-    def turn(self, t_s: FloatArray) -> FloatArray:
+    def R_ei(self, t_s: FloatArray) -> FloatArray:
         """Return R_ei, (m, 3, 3)."""
         angle = self.rate_radps * t_s
         R = np.zeros((len(t_s), 3, 3))

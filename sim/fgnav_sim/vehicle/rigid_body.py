@@ -1,158 +1,111 @@
-"""Flights of rigid bodies in six degrees of freedom, many in one call."""
+"""Flights of rigid bodies in six degrees of freedom."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, IntArray, frozen, positive
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import Origin
-from fgnav.geometry.rotations import from_euler, quaternion_wxyz, skew
-from fgnav_sim.vehicle.atmosphere import FLOOR_M, Air
-from fgnav_sim.vehicle.forces import SIZE, SPIN, Model, P, Q, V, W
-from fgnav_sim.vehicle.model import Attitude, pack
-from fgnav_sim.vehicle.planet import WGS84, FieldModel, Planet
+from fgnav.geometry.rotations import quaternion_wxyz, skew
+from fgnav_sim.vehicle.flown_table import FlownTable, StartTable
+from fgnav_sim.vehicle.forces import SIZE, SPIN, P, Q, V, W
+from fgnav_sim.vehicle.model import NO_GUST, pack
+from fgnav_sim.vehicle.planet import WGS84, Planet
 from fgnav_sim.vehicle.rigid_body_kernel import fly, rates
 from fgnav_sim.vehicle.tables import Vehicle
 
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Launch:
-    """How a flight starts."""
-
-    origin: Origin  # North, east, down are those of this place
-    v_n_mps: FloatArray  # (3,); velocity against the Earth
-    # (3,); roll, pitch, yaw of the body, 3-2-1; of its forebody where that rolls freely
-    euler_rad: FloatArray
-    w_ib_b_radps: FloatArray  # (3,); angular rate against inertial space, body axes
-    spin_radps: float = 0.0  # of a decoupled rear body about +x_b, against inertial space
-    # (3,); where the centre of mass is, from there
-    position_n_m: FloatArray = field(default_factory=lambda: np.zeros(3))
-
-    def __post_init__(self) -> None:
-        """Freeze the vectors; start within the table of the atmosphere."""
-        for name in ("v_n_mps", "euler_rad", "w_ib_b_radps", "position_n_m"):
-            object.__setattr__(self, name, frozen(name, getattr(self, name), (3,)))
-        if not np.isfinite(self.spin_radps):
-            raise BadInputError(f"spin_radps: must be finite, got {self.spin_radps}")
-        if self.origin.height_m < FLOOR_M:
-            raise BadInputError(
-                f"height_m: must not be below {FLOOR_M:g}, got {self.origin.height_m:g}"
-            )
-
-    def state(self, planet: Planet = WGS84) -> FloatArray:
-        """Return the state of the compiled code, (SIZE,)."""
-        R_in = self.origin.R_ne.T
-        y = np.zeros(SIZE)
-        y[P : P + 3] = planet.p_e_m(self.origin) + R_in @ self.position_n_m
-        y[V : V + 3] = R_in @ self.v_n_mps + np.cross(planet.rate_i_radps, y[P : P + 3])
-        R_nb = from_euler(*self.euler_rad[:, None])[0]
-        y[Q : Q + 4] = quaternion_wxyz((R_in @ R_nb)[None])[0]
-        y[W : W + 3] = self.w_ib_b_radps
-        y[SPIN] = self.spin_radps
-        return y
-
-
-@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Plan:
-    """How flights are integrated."""
-
-    duration_s: float
-    step_s: float = 1e-3  # at most; it divides the interval of rows
-    row_interval_s: float = 0.01  # between the rows that are kept
-    gravity: FieldModel = "wgs84-normal"
-    ground_m: float = FLOOR_M  # ellipsoidal height at which a flight ends
-    commands: Attitude | None = None  # roll, pitch, yaw for an autopilot, against north, east, down
-    planet: Planet = WGS84
-
-    def __post_init__(self) -> None:
-        """Check the times."""
-        for name in ("duration_s", "step_s", "row_interval_s"):
-            positive(name, getattr(self, name))
-        if self.step_s > self.row_interval_s or self.row_interval_s > self.duration_s:
-            raise BadInputError(
-                "step_s, row_interval_s, duration_s: must not decrease, got "
-                f"{self.step_s:g}, {self.row_interval_s:g}, {self.duration_s:g}"
-            )
-
-    @property
-    def steps_per_row(self) -> int:
-        """How many steps lie between two rows."""
-        return int(np.ceil(self.row_interval_s / self.step_s - 1e-9))
-
-    @property
-    def t_s(self) -> FloatArray:
-        """Times of the rows, (m,)."""
-        return (
-            np.arange(int(self.duration_s / self.row_interval_s + 1e-9) + 1) * self.row_interval_s
-        )
+ROW_INTERVAL_S = 0.01  # quintics in between are within 1e-9 of the attitude at 5 turns a second
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Flown:
-    """Flights of equal times, in the inertial frame ``i``: the Earth's axes at ``t_s = 0``."""
+    """A flight above the ground in the inertial frame ``i``: the Earth's axes at ``t_s = 0``."""
 
     t_s: FloatArray  # (m,)
-    # (n, m, 19); states of the compiled code, by flight and time; NaN after a flight has met the
-    # ground
-    y: FloatArray
-    dy: FloatArray  # (n, m, 19); their time derivatives
-    rows: IntArray  # (n,); how many rows of each flight are above the ground
+    y: FloatArray  # (m, 19); states of the compiled code
+    dy: FloatArray  # (m, 19); their time derivatives
+    vehicle: Vehicle
     planet: Planet = WGS84
 
 
-def fly_batch(
-    vehicles: Sequence[Vehicle],
-    launches: Sequence[Launch],
-    air: Sequence[Air],
-    plan: Plan,
+def fly_body(
+    table: FlownTable,
+    origin: Origin,
+    duration_s: float,
+    *,
+    gust_mps: FloatArray = NO_GUST,
+    row_interval_s: float = ROW_INTERVAL_S,
 ) -> Flown:
-    """Integrate flights with fixed fourth-order Runge-Kutta steps.
+    """Integrate a flight with fixed fourth-order Runge-Kutta steps, until it meets the ground.
 
     Parameters
     ----------
-    vehicles, launches, air : sequences of equal length
-        One flight each; tables of the vehicles and of the air have equal lengths in a batch.
+    table : FlownTable
+        Its vehicle loaded; canards rest where it commands no attitude.
+    origin : Origin
+        Of the frame ``n`` that its start is in.
+    gust_mps : ndarray, shape (g, 3)
+        North, east, down, every ``GUST_INTERVAL_M`` of the distance flown through the air.
+    row_interval_s : float
+        Between the rows that are kept; a longer step of integration takes its place.
 
     Raises
     ------
     BadInputError
-        If the lengths differ, or the step is too long for a flight: the integration diverges.
+        If the step is too long: the canards or the integration diverge.
     """
-    model, start = _prepared(vehicles, launches, air, plan)
-    y = np.full((len(start), len(plan.t_s), SIZE), np.nan)
-    y[:, 0] = start
-    steps = plan.steps_per_row
-    rows = fly(model, plan.row_interval_s / steps, steps, plan.ground_m, y)
-    if (rows < 0).any():
-        flight = int(np.argmax(rows < 0))
+    vehicle, step_s = _as_flown(table), table.step_s
+    at_work = vehicle.canards if vehicle.autopilot is not None else None
+    if at_work is not None and step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
         raise BadInputError(
-            f"step_s: the integration of flight {flight} diverges with {plan.step_s:g} before "
-            f"t_s = {plan.t_s[-rows[flight]]:g}; take a shorter step"
+            f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
+            f"got {step_s:g}; take a shorter step"
         )
-    dy = np.full_like(y, np.nan)
-    rates(model, plan.t_s, y, rows, dy)
-    return Flown(t_s=plan.t_s, y=y, dy=dy, rows=rows, planet=plan.planet)
+    interval_s, planet = max(row_interval_s, step_s), table.earth or WGS84
+    t_s = np.arange(int(duration_s / interval_s + 1e-9) + 1) * interval_s
+    steps = int(np.ceil(interval_s / step_s - 1e-9))
+    model = pack(vehicle, table, t_s[-1], gust_mps)
+    y = np.empty((len(t_s), SIZE))
+    y[0] = _first_state(table.start, origin, planet)
+    count = fly(model, interval_s / steps, steps, table.ground_m, y)
+    if count < 0:
+        raise BadInputError(
+            f"step_s: the integration diverges with {step_s:g} before "
+            f"t_s = {t_s[-count]:g}; take a shorter step"
+        )
+    t_s, y = t_s[:count], y[:count]
+    dy = np.empty_like(y)
+    rates(model, t_s, y, dy)
+    return Flown(t_s=t_s, y=y, dy=dy, vehicle=vehicle, planet=planet)
 
 
-def _prepared(
-    vehicles: Sequence[Vehicle], launches: Sequence[Launch], air: Sequence[Air], plan: Plan
-) -> tuple[Model, FloatArray]:
-    """Return the arrays of a batch and its first states, (n, SIZE)."""
-    if not len(vehicles) == len(launches) == len(air) > 0:
-        raise BadInputError(
-            "vehicles, launches, air: must be of one length above 0, "
-            f"got {len(vehicles)}, {len(launches)}, {len(air)}"
-        )
-    for vehicle in vehicles:
-        at_work = vehicle.canards if vehicle.autopilot is not None else None
-        if at_work is not None and plan.step_s > 2.0 * at_work.lag_s:  # RK4 is stable up to 2.8
-            raise BadInputError(
-                f"step_s: must be at most twice the canards' lag_s {at_work.lag_s:g}, "
-                f"got {plan.step_s:g}; take a shorter step"
-            )
-    model = pack(vehicles, air, (plan.gravity, plan.planet), plan.commands, plan.t_s[-1])
-    return model, np.stack([launch.state(plan.planet) for launch in launches])
+def _as_flown(table: FlownTable) -> Vehicle:
+    """Return the vehicle lit at its time; canards that are told nothing rest."""
+    if isinstance(table.vehicle, str):
+        raise BadInputError(f"vehicle: '{table.vehicle}' must be loaded; use load_scenario")
+    changes: dict[str, object] = {}
+    if table.attitude is None:
+        changes["autopilot"] = None
+    motor = table.vehicle.motor
+    if motor is not None:
+        time_s = tuple(table.ignition_s + t_s for t_s in motor.time_s)
+        changes["motor"] = msgspec.structs.replace(motor, time_s=time_s)
+    return msgspec.structs.replace(table.vehicle, **changes)
+
+
+def _first_state(start: StartTable, origin: Origin, planet: Planet) -> FloatArray:
+    """Return the state of the compiled code, (SIZE,), its rates against inertial space."""
+    R_nb, R_in, y = start.R_nb, origin.R_ne.T, np.zeros(SIZE)
+    w_b, rear = np.radians(start.rate_b_degps), float(np.radians(start.rear_spin_degps))
+    if start.rate_against == "earth":
+        earth_b = R_nb.T @ origin.R_ne @ planet.rate_i_radps
+        w_b, rear = w_b + earth_b, rear + float(earth_b[0])
+    y[P : P + 3] = planet.p_e_m(origin) + R_in @ np.array(start.position_n_m)
+    y[V : V + 3] = R_in @ start.velocity_n_mps + np.cross(planet.rate_i_radps, y[P : P + 3])
+    y[Q : Q + 4] = quaternion_wxyz((R_in @ R_nb)[None])[0]
+    y[W : W + 3], y[SPIN] = w_b, rear
+    return y
 
 
 def rotations_of(wxyz: FloatArray) -> FloatArray:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import FloatArray, IntArray
+from fgnav.checks import FloatArray
 from fgnav.geometry import earth
 from fgnav.kernels.compiled import kernel
 from fgnav_sim.vehicle import autopilot, forces
-from fgnav_sim.vehicle.autopilot import deflections, wanted_turn
+from fgnav_sim.vehicle.autopilot import attitude_demand, deflections
 from fgnav_sim.vehicle.forces import (
     CANARD,
     COEFFICIENTS,
@@ -44,8 +44,8 @@ from fgnav_sim.vehicle.forces import (
     dot,
     jet_damping,
     mass_at,
-    turned,
-    turned_back,
+    rotate,
+    rotate_back,
     wind_at,
 )  # fmt: skip
 
@@ -199,8 +199,8 @@ def derivative(
     density, sound = air_at(air, height)
     turn_radps = body.earth_radps
     past = (y[V] + turn_radps * y[P + 1], y[V + 1] - turn_radps * y[P], y[V + 2])
-    wind = turned_back(ned, wind_at(body, tables, height, y[PATH]))
-    v_b = turned_back(R_ib, added(past, wind, -1.0))
+    wind = rotate_back(ned, wind_at(body, tables, height, y[PATH]))
+    v_b = rotate_back(R_ib, added(past, wind, -1.0))
     w_b = added(w, R_ib[2], -turn_radps)  # against the Earth and its air
     v = np.sqrt(dot(v_b, v_b))
     if body.aerodynamics > 0:
@@ -208,10 +208,10 @@ def derivative(
     flow = (density, 0.5 * density * v * v, v_b, w_b)
     turn = (0.0, 0.0, 0.0)
     if body.frequency_radps > 0.0:
-        turn = wanted_turn(body, tables, t, R_ib, ned, w_b)
+        turn = attitude_demand(body, tables, t, R_ib, ned, w_b)
     force, mass = turning(t, body, tables, y, flow, turn, dy, c)
     a = gravitation(body, p, height, sine, ned)
-    dy[V], dy[V + 1], dy[V + 2] = added(a, turned(R_ib, force), 1.0 / mass)
+    dy[V], dy[V + 1], dy[V + 2] = added(a, rotate(R_ib, force), 1.0 / mass)
     for k in range(3):
         dy[P + k] = y[V + k]
     q = y[Q], y[Q + 1], y[Q + 2], y[Q + 3]
@@ -223,7 +223,7 @@ def derivative(
 
 
 @kernel
-def turned_quaternion(q: Quaternion, angle: Vector) -> Quaternion:
+def rotate_quaternion(q: Quaternion, angle: Vector) -> Quaternion:
     """Return a quaternion turned about its own axes by a rotation vector, at unit length."""
     x2 = 0.25 * dot(angle, angle)
     if x2 < 0.01:  # series, whose rest is below 1e-17
@@ -242,7 +242,7 @@ def turned_quaternion(q: Quaternion, angle: Vector) -> Quaternion:
 
 
 @kernel
-def late_precession(body: Body, left: float, spin: float, w: Vector, h: float) -> Vector:
+def precession_lag(body: Body, left: float, spin: float, w: Vector, h: float) -> Vector:
     """Return by how much the rates that a Runge-Kutta step leaves lag behind, to leading order.
 
     A free body's angular momentum obeys ``H' = H x w``. What of ``w`` is along ``H`` does nothing;
@@ -283,7 +283,7 @@ def step(
         for j in range(SIZE):
             total[j] += weight * rate[j]
             trial[j] = y[j] + reach * h * rate[j]
-    lag = late_precession(body, burning(body, tables, t)[1], y[SPIN], w, h)
+    lag = precession_lag(body, burning(body, tables, t)[1], y[SPIN], w, h)
     for j in range(SIZE):
         y[j] += h / 6 * total[j]
     y[W], y[W + 1], y[W + 2] = y[W] + lag[0], y[W + 1] + lag[1], y[W + 2] + lag[2]
@@ -294,7 +294,7 @@ def step(
     turn = added(turn, cross(w, (y[W], y[W + 1], y[W + 2])), 1.0)
     angle = (h * w[0], h * w[1], h * w[2])
     angle = added(angle, turn, h * h / 12)
-    y[Q], y[Q + 1], y[Q + 2], y[Q + 3] = turned_quaternion(q, angle)
+    y[Q], y[Q + 1], y[Q + 2], y[Q + 3] = rotate_quaternion(q, angle)
     return float(abs(0.5 * (length2 - 1.0)))
 
 
@@ -302,44 +302,35 @@ def step(
 def fly(
     model: Model, h: float, steps_per_row: int, ground_m: float, out: FloatArray,
     sources: int = SOURCES,  # noqa: ARG001  # see SOURCES
-) -> IntArray:  # fmt: skip
-    """Fill ``out`` (flights, rows, SIZE) from its row 0; return each flight's number of rows.
+) -> int:  # fmt: skip
+    """Fill ``out`` (rows, SIZE) from its row 0; return the number of rows.
 
     A flight ends after its last row above the ground; a count below zero says that it diverged,
     and after how many rows.
     """
-    bodies, all_tables, air = model
-    counts = np.empty(len(out), np.int64)
+    body, tables, air = model
     work = np.zeros((4, SIZE))
-    for i in range(len(out)):
-        body, tables = bodies[i], all_tables[i]
-        counts[i] = out.shape[1]
-        for row in range(1, out.shape[1]):
-            y, worst, first = out[i, row], 0.0, (row - 1) * steps_per_row
-            for j in range(SIZE):
-                y[j] = out[i, row - 1, j]
-            for k in range(first, first + steps_per_row):
-                worst = max(worst, step(k * h, h, body, tables, air, y, work))
-            height = place(body, (y[P], y[P + 1], y[P + 2]))[0]
-            if worst < LARGEST_LOSS and ground_m <= height < LARGEST_M:
-                continue
-            above = worst < LARGEST_LOSS and height < LARGEST_M
-            counts[i] = row if above else -row
-            for j in range(SIZE):
-                y[j] = np.nan
-            break
-    return counts
+    for row in range(1, len(out)):
+        y, worst, first = out[row], 0.0, (row - 1) * steps_per_row
+        for j in range(SIZE):
+            y[j] = out[row - 1, j]
+        for k in range(first, first + steps_per_row):
+            worst = max(worst, step(k * h, h, body, tables, air, y, work))
+        height = place(body, (y[P], y[P + 1], y[P + 2]))[0]
+        if not (worst < LARGEST_LOSS and height < LARGEST_M):
+            return -row
+        if height < ground_m:
+            return row
+    return len(out)
 
 
 @kernel
 def rates(
-    model: Model, t_s: FloatArray, y: FloatArray, counts: IntArray, dy: FloatArray,
+    model: Model, t_s: FloatArray, y: FloatArray, dy: FloatArray,
     sources: int = SOURCES,  # noqa: ARG001  # see SOURCES
 ) -> None:  # fmt: skip
-    """Fill ``dy`` (flights, rows, SIZE) with the time derivatives of states above the ground."""
-    bodies, all_tables, air = model
+    """Fill ``dy`` (rows, SIZE) with the time derivatives of states."""
+    body, tables, air = model
     c = np.zeros(COEFFICIENTS)
-    for i in range(len(y)):
-        body, tables = bodies[i], all_tables[i]
-        for row in range(counts[i]):
-            derivative(t_s[row], body, tables, air, y[i, row], dy[i, row], c)
+    for row in range(len(y)):
+        derivative(t_s[row], body, tables, air, y[row], dy[row], c)

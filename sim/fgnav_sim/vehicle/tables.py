@@ -1,4 +1,4 @@
-"""What a vehicle file may say: mass, motor, aerodynamic coefficients, canards, with every rule."""
+"""Format of a vehicle file: mass, motor, aerodynamic coefficients, canards, with every rule."""
 
 import math
 from pathlib import Path
@@ -54,7 +54,7 @@ class MotorTable(Table, frozen=True):
 
 
 class _Aerodynamics(Table, frozen=True, kw_only=True, tag_field="kind"):
-    """What both sets of coefficients share."""
+    """Common keys of both sets of coefficients."""
 
     mach: tuple[NotNegative, ...] = (0.0,)  # of the columns; the ends hold outside
     rate_terms: RateTerms = "d/2v"  # by what the coefficients expect rates to be multiplied
@@ -144,7 +144,7 @@ class CanardsTable(Table, frozen=True):
 
 
 class AutopilotTable(Table, frozen=True):
-    """How quickly canards bring the attitude to the commanded one."""
+    """Dynamics by which canards bring the attitude to the commanded one."""
 
     # frequency_radps, damping: natural frequency and damping ratio of the attitude's error
     frequency_radps: Positive = 6.0
@@ -152,7 +152,7 @@ class AutopilotTable(Table, frozen=True):
 
 
 class FinsTable(Table, frozen=True):
-    """How closely the nose follows the air, as flights state it: see ``FinnedVehicle``."""
+    """Angles between nose and air, as flights state them: see ``FinnedVehicle``."""
 
     sideslip_sigma_deg: Positive
     attack_sigma_deg: Positive
@@ -162,7 +162,7 @@ class FinsTable(Table, frozen=True):
     wind_sigma_mps: Positive = 5.0
 
     def stated(self) -> FinnedVehicle:
-        """Return what a flight states."""
+        """Return the vehicle model of a flight."""
         return FinnedVehicle(
             sideslip_sigma_rad=math.radians(self.sideslip_sigma_deg),
             attack_sigma_rad=math.radians(self.attack_sigma_deg),

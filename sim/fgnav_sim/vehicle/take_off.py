@@ -1,166 +1,71 @@
-"""Scenarios that a rigid body flies: from their tables to motion, many in one compiled call."""
+"""Scenarios that a rigid body flies: from their tables to motion."""
 
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
-from fgnav.checks import BadInputError, Unused
-from fgnav.geometry.rotations import from_euler
+from fgnav.checks import BadInputError, FloatArray, Unused
 from fgnav_sim.scenario import Scenario
-from fgnav_sim.vehicle.atmosphere import Air, dryden
+from fgnav_sim.vehicle.atmosphere import dryden
 from fgnav_sim.vehicle.flown_motion import flown_motion
 from fgnav_sim.vehicle.flown_table import FlownTable
 from fgnav_sim.vehicle.forces import PATH
-from fgnav_sim.vehicle.planet import WGS84, Planet
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch
-from fgnav_sim.vehicle.tables import Vehicle
-
-ROW_INTERVAL_S = 0.01  # quintics in between are within 1e-9 of the attitude at 5 turns a second
-GUST_INTERVAL_M = 5.0
+from fgnav_sim.vehicle.model import NO_GUST
+from fgnav_sim.vehicle.rigid_body import ROW_INTERVAL_S, fly_body
 
 Airborne: TypeAlias = tuple[Scenario, tuple[Unused, ...]]  # with known motion; parts not flown
 
 
-def take_off(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> list[Airborne]:
-    """Fly the rigid bodies of scenarios; what is commanded stays as it is.
+def take_off(scenario: Scenario, rng: np.random.Generator) -> Airborne:
+    """Fly the rigid body of a scenario; what is commanded stays as it is.
 
     A flight that meets the ground ends there: its duration becomes shorter, and says so.
 
     Parameters
     ----------
-    scenarios : sequence of Scenario
-        Variants of one: those alike in step, length and commands share a call.
-    rngs : sequence of Generator
-        One each, for gusts.
+    rng : Generator
+        For gusts.
 
     Raises
     ------
     BadInputError
-        If a step is too long, or a flight meets the ground at once.
+        If a step is too long, or the flight meets the ground at once.
     """
-    alike: dict[object, list[int]] = {}
-    for row, scenario in enumerate(scenarios):
-        if scenario.flown is not None:
-            alike.setdefault(_key(scenario, scenario.flown), []).append(row)
-    airborne: list[Airborne] = [(scenario, ()) for scenario in scenarios]
-    for rows in alike.values():
-        flown = _fly([scenarios[row] for row in rows], [rngs[row] for row in rows])
-        for row, one in zip(rows, flown, strict=True):
-            airborne[row] = one
-    return airborne
-
-
-def _key(scenario: Scenario, flown: FlownTable) -> object:
-    """Return what scenarios must have in common to be flown in one call."""
-    return (
-        scenario.duration_s, scenario.gravity, flown.gravity, flown.earth, flown.ground_m,
-        flown.step_s, flown.attitude, flown.air,
-    )  # fmt: skip
-
-
-def _fly(scenarios: Sequence[Scenario], rngs: Sequence[np.random.Generator]) -> list[Airborne]:
-    """Fly scenarios that share a plan."""
-    tables = [scenario.flown for scenario in scenarios if scenario.flown is not None]
-    vehicles = [_vehicle(table) for table in tables]
-    planet = tables[0].earth or WGS84
-    launches = [_launch(s, t, planet) for s, t in zip(scenarios, tables, strict=True)]
-    air = [_air(t, la, rng) for t, la, rng in zip(tables, launches, rngs, strict=True)]
+    table = scenario.flown
+    if table is None:
+        return scenario, ()
+    table = msgspec.structs.replace(table, gravity=table.gravity or scenario.gravity)
+    origin, interval_s = scenario.origin.frame, max(ROW_INTERVAL_S, table.step_s)
+    rows = np.ceil(scenario.duration_s / interval_s - 1e-9) + 2  # beyond: receivers' clocks err
     try:
-        flown = fly_batch(vehicles, launches, air, _plan(scenarios[0], tables[0], planet))
+        gust_mps = _gusts(table, rng)
+        flown = fly_body(table, origin, float(rows * interval_s), gust_mps=gust_mps)
     except BadInputError as error:
         raise BadInputError(f"flown.{error}") from None
-    return [
-        _airborne(scenario, vehicle, flown, row)
-        for row, (scenario, vehicle) in enumerate(zip(scenarios, vehicles, strict=True))
-    ]
-
-
-def _vehicle(table: FlownTable) -> Vehicle:
-    """Return the vehicle as it flies: lit at its time; canards that are told nothing rest."""
-    if isinstance(table.vehicle, str):
-        raise BadInputError(f"flown.vehicle: '{table.vehicle}' must be loaded; use load_scenario")
-    changes: dict[str, object] = {}
-    if table.attitude is None:
-        changes["autopilot"] = None
-    motor = table.vehicle.motor
-    if motor is not None:
-        time_s = tuple(table.ignition_s + t_s for t_s in motor.time_s)
-        changes["motor"] = msgspec.structs.replace(motor, time_s=time_s)
-    return msgspec.structs.replace(table.vehicle, **changes)
-
-
-def _plan(scenario: Scenario, table: FlownTable, planet: Planet) -> Plan:
-    """Return a plan that lasts two rows longer than the scenario: receivers' clocks err."""
-    commanded = table.attitude
-    interval_s = max(ROW_INTERVAL_S, table.step_s)
-    rows = np.ceil(scenario.duration_s / interval_s - 1e-9) + 2
-    return Plan(
-        duration_s=float(rows * interval_s),
-        step_s=table.step_s,
-        row_interval_s=interval_s,
-        gravity=table.gravity or scenario.gravity,
-        ground_m=table.ground_m,
-        commands=(commanded.roll, commanded.pitch, commanded.yaw) if commanded else None,
-        planet=planet,
-    )
-
-
-def _launch(scenario: Scenario, table: FlownTable, planet: Planet) -> Launch:
-    """Return the start, its rates counted from inertial space."""
-    start, origin = table.start, scenario.origin.frame
-    euler_rad = np.radians(start.euler_deg)
-    R_nb = from_euler(*euler_rad[:, None])[0]
-    w_b, rear = np.radians(start.rate_b_degps), float(np.radians(start.rear_spin_degps))
-    if start.rate_against == "earth":
-        earth_b = R_nb.T @ origin.R_ne @ planet.rate_i_radps
-        w_b, rear = w_b + earth_b, rear + float(earth_b[0])
-    return Launch(
-        origin=origin,
-        position_n_m=np.array(start.position_n_m),
-        v_n_mps=np.array(start.v_n_mps) + R_nb @ np.array(start.v_b_mps),
-        euler_rad=euler_rad,
-        w_ib_b_radps=w_b,
-        spin_radps=rear,
-    )
-
-
-def _air(table: FlownTable, launch: Launch, rng: np.random.Generator) -> Air:
-    """Return the air, its gusts along the way at the start, or along the nose."""
-    wind, gusts = table.wind, table.gusts
-    wind_mps = np.empty((len(wind.height_m), 2))
-    wind_mps[:, 0], wind_mps[:, 1] = wind.north_mps, wind.east_mps
-    steady = Air(present=table.air, wind_height_m=np.array(wind.height_m), wind_mps=wind_mps)
-    if gusts is None:
-        return steady
-    nose_n = from_euler(*launch.euler_rad[:, None])[0][:, 0]
-    gust_mps = dryden(
-        rng,
-        sigma_mps=gusts.sigma_mps,
-        direction_n=launch.v_n_mps if launch.v_n_mps.any() else nose_n,
-        length_m=gusts.length_m,
-        scale_m=gusts.scale_m,
-        interval_m=GUST_INTERVAL_M,
-    )
-    return replace(steady, gust_mps=gust_mps, gust_interval_m=GUST_INTERVAL_M)
-
-
-def _airborne(scenario: Scenario, vehicle: Vehicle, flown: Flown, row: int) -> Airborne:
-    """Return a scenario with the motion it flew, no longer than that lasted."""
-    count, unused = int(flown.rows[row]), list[Unused]()
-    last_s = float(flown.t_s[count - 1])
-    if count < 2:
-        raise BadInputError("flown.start: the flight meets the ground at once; start higher")
+    motion = flown_motion(flown, origin)
+    last_s, path_m = float(flown.t_s[-1]), float(flown.y[-1, PATH])
+    unused = []
     if last_s < scenario.duration_s:
         reason = f"the body met the ground after {last_s:.2f} s"
         unused.append(Unused(what="landing", reason=reason, count=1))
-    gusts = scenario.flown.gusts if scenario.flown else None
-    path_m = float(flown.y[row, count - 1, PATH])
-    if gusts is not None and path_m > gusts.length_m:
-        reason = f"gusts end after {gusts.length_m:g} of {path_m:.0f} m through the air"
+    if table.gusts is not None and path_m > table.gusts.length_m:
+        reason = f"gusts end after {table.gusts.length_m:g} of {path_m:.0f} m through the air"
         unused.append(Unused(what="gusts", reason=reason, count=1))
-    motion = flown_motion(flown, scenario.origin.frame, row, vehicle)
     changes = {"motion": motion, "flown": None, "duration_s": min(last_s, scenario.duration_s)}
     return msgspec.structs.replace(scenario, **changes), tuple(unused)
+
+
+def _gusts(table: FlownTable, rng: np.random.Generator) -> FloatArray:
+    """Return gusts along the way at the start, or along the nose."""
+    start, gusts = table.start, table.gusts
+    if gusts is None:
+        return NO_GUST
+    v_n_mps = start.velocity_n_mps
+    return dryden(
+        rng,
+        sigma_mps=gusts.sigma_mps,
+        direction_n=v_n_mps if v_n_mps.any() else start.R_nb[:, 0],
+        length_m=gusts.length_m,
+        scale_m=gusts.scale_m,
+    )

@@ -6,7 +6,7 @@ import pytest
 from fgnav.alignment.array.multipath import (
     _basis,
     _kept,
-    lasting_process,
+    correlated_process,
     link_residuals,
     symmetric_root,
 )
@@ -31,20 +31,20 @@ def drawn(seed, share, epochs=600):
 
 
 def test_what_lasts_is_sized_and_timed():
-    found = np.array([lasting_process(*drawn(seed, SHARE)) for seed in range(8)])
+    found = np.array([correlated_process(*drawn(seed, SHARE)) for seed in range(8)])
     # A minute is four time constants of sixty links, five of whose six tell a variance apart: the
     # mean of eight is known to 2 % and 4 %.
     np.testing.assert_allclose(found.mean(axis=0), (SHARE, CONSTANT_S), rtol=0.1)
 
 
 def test_white_errors_are_no_states():
-    assert [lasting_process(*drawn(seed, 0.0)) for seed in range(20)] == [None] * 20
+    assert [correlated_process(*drawn(seed, 0.0)) for seed in range(20)] == [None] * 20
 
 
 def test_nothing_is_found_of_a_single_epoch():
     t_s, residuals = drawn(0, SHARE)
-    assert lasting_process(t_s[:2], residuals[:2]) is None
-    assert lasting_process(t_s, np.full_like(residuals, np.nan)) is None
+    assert correlated_process(t_s[:2], residuals[:2]) is None
+    assert correlated_process(t_s, np.full_like(residuals, np.nan)) is None
 
 
 def test_residuals_of_right_attitudes_are_noise_less_what_clocks_take():

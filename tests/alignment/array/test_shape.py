@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fgnav.alignment.alignment import Alignment, at_keyframes
 from fgnav.alignment.array.shape import (
-    BaselineForm,
+    array_shape,
     baseline_information,
     fixed_phases,
     initial_shape,
-    shape_at,
 )
 from fgnav.assembly.calibration_request import calibration_requests, constants_of
 from fgnav.attitude.quadratic import RotationQuadratic
@@ -53,23 +53,6 @@ def test_places_that_are_known_leave_the_form_of_the_rotation(ranges):
     assert_allclose(vector @ T, form.vector, rtol=1e-9, atol=1e-9 * np.abs(form.vector).max())
 
 
-def test_the_form_has_the_variance_of_that_of_the_rotation(ranges):
-    """Epoch by epoch: a filter's noise is what residuals until then ask for."""
-    differences, ranges_m = ranges
-    rows, later = np.arange(10, 40), np.arange(40, 60)
-    rotation = RotationQuadratic.of_ranges(differences, ranges_m)
-    form = BaselineForm.of_ranges(differences, ranges_m)
-    quiet = form.with_variance_of(rotation[rows].with_variance_factor(4.0), rows)
-    quiet = quiet.with_variance_of(rotation[later].with_variance_factor(9.0), later)
-    assert_allclose(quiet.root[:10], form.root[:10], rtol=0, atol=0)
-    assert_allclose(quiet.root[rows], form.root[rows] / 2, rtol=1e-9)
-    assert_allclose(quiet.root[later], form.root[later] / 3, rtol=1e-9)
-    moved = quiet.scatter(np.arange(60) + 5, 70)
-    assert moved.valid.sum() == 60
-    assert not moved.root[:5].any()
-    assert_allclose(moved.root[5:65], quiet.root, rtol=0, atol=0)
-
-
 def off(flight, k, by_b_m):
     antennas = list(flight.antennas)
     place_b_m = antennas[k].position_b_m + by_b_m
@@ -96,28 +79,30 @@ def test_flights_whose_array_is_not_asked_about_stay_as_they_are():
     )
 
 
-def test_keyframes_with_an_attitude_get_the_form_about_the_stated_places(ranges):
-    """Baselines where the search starts make the form; those that the flight states are kept."""
+def test_keyframes_with_an_attitude_get_the_form_about_the_nominal_places(ranges):
+    """The start makes the form of the baselines, with the noise of that of the rotation."""
     differences, ranges_m = ranges
-    form = RotationQuadratic.of_ranges(differences, ranges_m)
-    t_s = np.sort(np.concatenate([differences.t_s, differences.t_s + 0.5]))
-    row = np.searchsorted(t_s, differences.t_s)
-    spread = np.zeros((len(t_s), 9, 9))
-    spread[row] = form.information
-    at_keyframes = RotationQuadratic(
-        information=spread,
-        vector=np.zeros((len(t_s), 9)),
-        constant=np.zeros(len(t_s)),
-        count=np.zeros(len(t_s), dtype=np.int64),
+    form = RotationQuadratic.of_ranges(differences, ranges_m).with_variance_factor(4.0)
+    n = len(differences.t_s)
+    epochs = Alignment(
+        t_s=differences.t_s,
+        R_nb=np.tile(np.eye(3), (n, 1, 1)),
+        covariance_rad2=np.tile(np.eye(3), (n, 1, 1)),
+        valid=np.arange(n) >= 5,
+        refused=np.zeros(n, dtype=np.bool_),
+        form=form,
+        phases=(differences, ranges_m),
     )
-    valid = np.zeros(len(t_s), dtype=np.bool_)
-    valid[row[5:]] = True
+    start = at_keyframes(epochs, np.sort(np.concatenate([differences.t_s, differences.t_s + 0.5])))
     names = tuple(f"a{k}" for k in range(1, len(differences.baselines_b_m) + 2))
     place = flight_constant("antenna a3", ("x_b", "y_b", "z_b"), "m", 0.05)
     place = dataclasses.replace(place, start=OFF_B_M)
-    shape = shape_at((differences, ranges_m), at_keyframes, t_s, valid, (place,), names)
-    np.testing.assert_array_equal(shape.valid, valid)
+    shape = array_shape(start, (place,), names)
+    np.testing.assert_array_equal(shape.row, np.flatnonzero(start.valid))
+    information = baseline_information(differences, ranges_m)[0][5:] / 4
+    found = shape.root.swapaxes(1, 2) @ shape.root
+    assert_allclose(found, information, rtol=0, atol=1e-9 * np.abs(information).max())
     off_b_m = differences.baselines_b_m - shape.baselines_b_m
     assert_allclose(off_b_m[1], OFF_B_M, rtol=0, atol=1e-12)
     assert not np.delete(off_b_m, 1, axis=0).any()
-    assert shape_at((differences, ranges_m), at_keyframes, t_s, valid, (), names) is None
+    assert array_shape(start, (), names) is None

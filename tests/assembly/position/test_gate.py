@@ -1,8 +1,11 @@
 """Fixes that jump are left out; those that only are noisy stay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fgnav.assembly.position.antenna_motion import AntennaMotion
 from fgnav.assembly.position.gate import InertialTrack, gated
 from fgnav.assembly.position.series import VectorSeries
 from tests.assembly.flights import turning
@@ -27,7 +30,11 @@ def gate(flight, position, velocity, untested=None):
         untested=np.zeros(n, dtype=bool) if untested is None else untested,
         attitude_sigma_rad=np.zeros(n),
     )
-    return gated(track, (position, velocity), "a1")
+    antenna = AntennaMotion(
+        positions=() if position is None else (replace(position, antenna="a1"),),
+        velocities=() if velocity is None else (replace(velocity, antenna="a1"),),
+    )
+    return gated(track, antenna)
 
 
 def moved(series, rows, by):
@@ -45,7 +52,7 @@ def test_jumps_of_twenty_metres_and_more_are_found_and_nothing_else(velocity):
         way = rng.standard_normal((len(rows), 3))
         way *= rng.uniform(20, 100, (len(rows), 1)) / np.linalg.norm(way, axis=1, keepdims=True)
         result = gate(flight, moved(position, rows, way), speeds)
-        assert (np.flatnonzero(np.isnan(result.position.value[:, 0])) == rows).all()
+        assert (np.flatnonzero(np.isnan(result.antenna.position.value[:, 0])) == rows).all()
         assert [(loss.what, loss.count) for loss in result.unused] == [("position", len(rows))]
         listed = sum(round(10 * (r.until_s - r.from_s)) + 1 for r in result.rejections)
         assert listed == len(rows)
@@ -82,7 +89,7 @@ def test_a_second_of_wrong_fixes_in_a_row_is_one_rejection_with_its_size():
 def test_a_velocity_that_jumps_goes_and_does_not_take_positions_along():
     flight, position, speeds = case(2)
     result = gate(flight, position, moved(speeds, [50, 51, 200], [0, 3.0, 0]))
-    assert np.isnan(result.velocity.value[[50, 51, 200], 0]).all()
+    assert np.isnan(result.antenna.velocities[0].value[[50, 51, 200], 0]).all()
     assert [(loss.what, loss.count) for loss in result.unused] == [("velocity", 3)]
 
 
@@ -91,13 +98,14 @@ def test_nothing_is_tested_near_an_untested_keyframe():
     untested = np.zeros(len(flight.problem.t_s), dtype=bool)
     untested[95] = True
     result = gate(flight, moved(position, [100, 200], [50.0, 0, 0]), speeds, untested)
-    assert np.flatnonzero(np.isnan(result.position.value[:, 0])).tolist() == [200]
+    assert np.flatnonzero(np.isnan(result.antenna.position.value[:, 0])).tolist() == [200]
 
 
 def test_without_fixes_there_is_nothing_to_test():
     flight, _, _ = case()
     result = gate(flight, None, None)
-    assert (result.position, result.velocity, result.rejections) == (None, None, ())
+    assert (result.antenna.positions, result.antenna.velocities) == ((), ())
+    assert result.rejections == ()
 
 
 def test_a_spinning_antenna_off_the_accelerometer_is_not_rejected():

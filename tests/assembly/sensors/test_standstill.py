@@ -8,7 +8,7 @@ import pytest
 from fgnav.alignment.gaps import bridged
 from fgnav.assembly.sensors.standstill import standing
 from fgnav.assembly.truncation import truncated
-from fgnav.integrity.imu_screen import without_faulty
+from fgnav.integrity.imu_screen import screen_imu
 from tests.assembly.stops import AT_REST, SIGMA_MPS, STOPS_S, measured, stops
 
 LOST_S = (50.0, 75.0)
@@ -22,7 +22,7 @@ def seconds(of_spans):
 
 
 def found(flight, t_s=T_S, *, causal=False, velocities=True):
-    record = bridged(without_faulty(flight.imu)[0], causal=causal)
+    record = bridged(screen_imu(flight.imu)[0], causal=causal)
     return standing(record, t_s, measured(flight, t_s, velocities=velocities), causal=causal)
 
 
@@ -114,8 +114,8 @@ def test_nothing_looks_ahead():
 
 def test_velocities_known_in_some_directions_are_left_out():
     flight = stops(1)
-    record, motion = bridged(without_faulty(flight.imu)[0]), measured(flight, T_S)
-    name, speed = motion.velocities[0]
+    record, motion = bridged(screen_imu(flight.imu)[0]), measured(flight, T_S)
+    (speed,) = motion.velocities
     some = speed.valid & (np.abs(T_S - np.mean(LOST_S)) < np.ptp(LOST_S) / 2)
     value, covariance = speed.value.copy(), speed.covariance.copy()
     value[some], covariance[some] = np.nan, 0.0
@@ -124,7 +124,7 @@ def test_velocities_known_in_some_directions_are_left_out():
     root[some, 0] = 1 / SIGMA_MPS
     partial = replace(none, value=value, partial=root)
     found, expected = (
-        standing(record, T_S, replace(motion, velocities=((name, one),))) for one in (partial, none)
+        standing(record, T_S, replace(motion, velocities=(one,))) for one in (partial, none)
     )
     assert len(expected.row) > 20
     np.testing.assert_array_equal(found.row, expected.row)

@@ -12,9 +12,9 @@ from fgnav.integers.acceptance import phase_links
 from fgnav.integers.resolvers.truth import Truth, attitude_at, kept_integers, true_integers
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.types.flight import LinkIntegers
-from fgnav_sim.gnss.tables import LossOfLockTable, OutageTable, SlipsTable
+from fgnav_sim.gnss.tables import GnssTable, LossOfLockTable, OutageTable, SlipsTable
 from fgnav_sim.motion import Arc, Motion, Sine
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 ROUGH = GnssTable(

@@ -7,7 +7,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.integers.array.candidates import candidates
-from fgnav.integers.array.search import NOTHING, PROVEN, search_constrained
+from fgnav.integers.array.kernel import NOTHING, PROVEN
+from fgnav.integers.array.search import search_constrained
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, link_covariance, make
 
 THREE_B_M = PAPER_ANTENNAS_B_M[[0, 1, 3]]

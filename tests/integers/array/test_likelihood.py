@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fgnav.integers.array.kernel import PROVEN
 from fgnav.integers.array.likelihood import likelihood_of
-from fgnav.integers.array.search import PROVEN, search_constrained
+from fgnav.integers.array.search import search_constrained
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, make
 
 ALIKE = 1e9  # epochs: none is calmer or rougher than the mean, and noise is Gaussian

@@ -8,9 +8,10 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from fgnav.integers.array.nearest import log_volume, nearest, weak_axis
+from fgnav.integers.array.kernel import PROVEN, UNFINISHED
+from fgnav.integers.array.nearest import nearest, weak_axis
 from fgnav.integers.array.relaxation import relaxation
-from fgnav.integers.array.search import PROVEN, UNFINISHED, search_constrained
+from fgnav.integers.array.search import search_constrained
 from fgnav.integers.array.walk import least_distance
 from fgnav.integers.ils.array_model import link_arrays, spans
 from fgnav.integers.ils.decorrelation import decorrelate
@@ -177,17 +178,6 @@ def test_direction_without_a_share_in_the_weakest_axis_is_completed_along_it():
     assert abs(M[0]) == pytest.approx(np.sqrt(1 - y * y - z * z), abs=1e-6)
     assert M[1:] == pytest.approx([y, z], abs=1e-6)
     assert distance > 0
-
-
-def test_volume_of_a_direction_is_that_of_the_metric_across_it():
-    M = np.array([0.0, 0.0, 1.0])
-    information = np.diag([4.0, 9.0, 1000.0])
-    assert log_volume(M, information) == pytest.approx(-np.log(2.0 * 3.0))
-    both = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    # about x only the second column moves, about y only the first, about z both
-    assert log_volume(both, np.diag([1.0, 4.0, 9.0, 16.0, 1.0, 25.0])) == pytest.approx(
-        -0.5 * np.log(25.0 * 9.0 * (4.0 + 16.0))
-    )
 
 
 def test_transforms_stay_small_where_satellites_are_many_and_code_is_weak():

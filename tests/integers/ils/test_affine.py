@@ -4,6 +4,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.integers import integer_least_squares
 from fgnav.integers.ils.affine import NOTHING, WEAK, search_array
+from fgnav.integers.ils.float_solution import solve_symmetric
 from fgnav.integers.ils.search import OK
 from tests.integers.arrays import PAPER_ANTENNAS_B_M, float_solution, link_covariance, make
 
@@ -150,3 +151,11 @@ def test_paper_array_is_resolved_as_often_as_the_prototype(code_m, joint, at_lea
 def test_three_constellations_fix_the_array_in_every_epoch():
     made = make(np.random.default_rng(11), epochs=20, satellites=(8, 8, 8), code_m=0.5, sine=True)
     assert_array_equal(search_array(made.differences, joint=True).cycles, made.cycles)
+
+
+def test_symmetric_systems_are_solved():
+    rng = np.random.default_rng(2)
+    A = rng.normal(size=(6, 6))
+    S, B = A @ A.T + np.eye(6), rng.normal(size=(6, 3))
+    S[:3, 3:] = S[3:, :3] = 0.0
+    assert_allclose(S @ solve_symmetric(S, B), B, rtol=0, atol=1e-12)

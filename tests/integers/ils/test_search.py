@@ -38,10 +38,6 @@ def brute_force(a, Q, count, within):
     return z[best].astype(int), norms[best]
 
 
-def squared_norm(a, Q, z):
-    return np.einsum("ki,ki->k", a - z, np.linalg.solve(Q, (a - z).T).T)
-
-
 @pytest.mark.parametrize("table", ["rtklib_utest", "delft", "sidereon_golden", "dd_rtklib_oracle"])
 def test_published_problems_give_the_published_integers_and_norms(shared, table):
     cases = json.loads((shared / "integers" / f"lambda_{table}.json").read_text())["cases"]
@@ -53,12 +49,6 @@ def test_published_problems_give_the_published_integers_and_norms(shared, table)
         assert_array_equal(integers, case["fixed"], err_msg=case["name"])
         # RTKLIB's unit test prints seven digits; its own tolerance is 1e-4
         assert_allclose(norms, published, rtol=1e-6, atol=0, err_msg=case["name"])
-
-
-def test_third_best_of_the_delft_example_is_the_published_one(shared):
-    case = json.loads((shared / "integers" / "lambda_delft.json").read_text())["cases"][0]
-    _, norms = integer_least_squares(case["float_ambiguities"], case["covariance"], 3)
-    assert_allclose(norms, case["z_transform"]["three_best_sq"], rtol=1e-7, atol=0)
 
 
 @settings(max_examples=200, deadline=None)
@@ -74,22 +64,6 @@ def test_search_finds_what_brute_force_finds(seed, n, spread):
     assert_allclose(norms, expected_norms, rtol=1e-8, atol=1e-12)
     if np.diff(expected_norms).min() > 1e-6:
         assert_array_equal(integers, expected)
-
-
-@settings(max_examples=50, deadline=None)
-@given(seed=seeds, n=st.integers(1, 4))
-def test_badly_conditioned_covariance_of_real_phase_and_code_is_searched_exactly(seed, n):
-    # one baseline's epoch: millimetres of phase across metres of code, condition 1e7
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(n, min(n, 3)))
-    Q = 2e-4 * (np.eye(n) + 1) + 50.0 * A @ A.T
-    a = rng.integers(-20, 20, n) + np.linalg.cholesky(Q) @ rng.normal(size=n)
-    integers, norms = integer_least_squares(a, Q, 2)
-    assert_allclose(norms, squared_norm(a, Q, integers), rtol=1e-6)
-    # the covariance's own sampling ellipsoid: no nearby vector beats the best one
-    steps = np.array(list(product(range(-3, 4), repeat=n)))
-    around = squared_norm(a, Q, integers[0] + steps)
-    assert around.min() >= norms[0] * (1 - 1e-6)
 
 
 @settings(max_examples=50, deadline=None)
@@ -123,25 +97,6 @@ def test_unimodular_transform_of_the_problem_transforms_the_answer(seed, n):
         assert_array_equal(transformed[0], Z @ integers[0])
 
 
-@settings(max_examples=20, deadline=None)
-@given(seed=seeds, n=st.integers(1, 40))
-def test_norms_are_those_of_the_vectors_and_increase(seed, n):
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(n, 3))
-    Q = 1e-3 * np.eye(n) + A @ A.T
-    integers, norms = integer_least_squares(rng.normal(size=n) * 1e3, Q, 5)
-    assert integers.dtype == np.int64
-    assert len(np.unique(integers, axis=0)) == 5
-    assert (np.diff(norms) >= 0).all()
-
-
-def test_diagonal_covariance_rounds():
-    a = np.array([0.2, -7.4, 3.6, 1e9 + 0.25])
-    integers, norms = integer_least_squares(a, np.diag([1.0, 2.0, 3.0, 4.0]), 1)
-    assert_array_equal(integers, [[0, -7, 4, 10**9]])
-    assert_allclose(norms, [0.2**2 + 0.4**2 / 2 + 0.4**2 / 3 + 0.25**2 / 4], rtol=1e-9)
-
-
 @settings(max_examples=60, deadline=None)
 @given(
     seed=seeds,
@@ -164,22 +119,6 @@ def test_integers_near_a_precise_float_are_found_whatever_scale_and_correlation(
     integers, norms = integer_least_squares(true + noise + stretch, scale * metric, 2)
     assert_array_equal(integers[0], true)
     assert norms[0] < norms[1]
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 30])
-def test_as_many_candidates_as_asked_for_are_the_nearest_ones(count):
-    a, Q = problem(21, 3, 1.0)
-    integers, norms = integer_least_squares(a, Q, count)
-    expected, expected_norms = brute_force(a, Q, count, norms[-1] * (1 + 1e-9))
-    assert_allclose(norms, expected_norms, rtol=1e-8)
-    assert_array_equal(integers, expected)
-
-
-def test_ambiguities_equal_but_for_a_little_are_equal_integers():
-    # the same link twice, a thousandth of a cycle apart
-    Q = np.full((2, 2), 5.0) + 1e-6 * np.eye(2)
-    integers, _ = integer_least_squares([12.3, 12.3005], Q)
-    assert integers[0, 0] == integers[0, 1] == 12
 
 
 def test_read_only_and_transposed_input_is_as_good():
@@ -207,14 +146,6 @@ def test_search_says_that_it_reached_a_limit_of_nodes():
     a, Q = problem(7, 6, 2.0)
     assert solve(a, Q, 2, 3)[0] == UNFINISHED
     assert solve(a, Q, 2, 10**6)[0] == OK
-
-
-def test_input_is_left_as_it_was():
-    a, Q = problem(8, 5, 2.0)
-    kept = a.copy(), Q.copy()
-    integer_least_squares(a, Q)
-    assert_array_equal(a, kept[0])
-    assert_array_equal(Q, kept[1])
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """A flight as a folder."""
 
+import re
 import shutil
 from dataclasses import fields, is_dataclass
 
@@ -11,7 +12,9 @@ from fgnav.geometry.earth import ecef, ned_axes
 from fgnav.geometry.rotations import to_euler
 from fgnav.io.flight import folder as flight_folder
 from fgnav.io.flight.folder import files_of, load_flight, save_flight
+from fgnav.io.flight.series import FORWARD_RIGHT_DOWN, mounting_rotation
 from fgnav.types.flight import Baseline
+from fgnav.types.instruments import USUAL_IMU_NOISE
 from tests.io.flights import whole_flight
 from tests.io.rinex_texts import message, navigation_head, observation_3
 
@@ -163,19 +166,12 @@ def test_folder_without_flight_is_named(tmp_path):
         load_flight(tmp_path)
 
 
-def test_folder_that_holds_something_is_not_overwritten(tmp_path):
+def test_folder_that_holds_something_is_not_overwritten(saved, tmp_path):
     (tmp_path / "precious").write_text("x")
-    flight = load_flight_of(tmp_path / "source")
-    with pytest.raises(BadInputError, match="must be a new or empty folder, it holds something"):
-        save_flight(flight, tmp_path)
-    with pytest.raises(BadInputError, match="must be a new or empty folder"):
-        save_flight(flight, tmp_path / "precious")
+    for place in (tmp_path, tmp_path / "precious"):
+        with pytest.raises(BadInputError, match="must be a new or empty folder, it holds"):
+            save_flight(saved[0], place)
     assert (tmp_path / "precious").read_text() == "x"
-
-
-def load_flight_of(folder):
-    folder.mkdir()
-    return load_flight(write(folder, PLAIN))
 
 
 def test_nothing_is_left_of_a_flight_that_cannot_be_written(saved, tmp_path, monkeypatch):
@@ -228,3 +224,66 @@ def test_one_bad_time_stamp_is_refused_before_anything_is_made_of_it(copy):
 def test_the_files_of_a_flight_are_listed(copy):
     names = {path.name for path in files_of(copy)}
     assert names == {path.name for path in copy.iterdir()}
+
+
+def test_axes_and_angles_rotate_a_unit_into_the_body():
+    down = mounting_rotation(("-x", "y", "-z"), (0, 0, 0)) @ [0, 0, -9.8]
+    np.testing.assert_allclose(down, [0, 0, 9.8], atol=1e-12)
+    # Yawed right by 90 deg, the unit's own forward axis looks to the right of the body.
+    right = mounting_rotation(FORWARD_RIGHT_DOWN, (0, 0, 90)) @ [1, 0, 0]
+    np.testing.assert_allclose(right, [0, 1, 0], atol=1e-12)
+    # Nose up by 10 deg: what the unit feels along its forward axis is partly up in the body.
+    up = mounting_rotation(FORWARD_RIGHT_DOWN, (0, 10, 0)) @ [1, 0, 0]
+    assert up[2] == pytest.approx(-np.sin(np.radians(10)))
+
+
+@pytest.mark.parametrize(
+    ("axes", "text"),
+    [
+        ("xyw", "imu axes: must be x, y, z, -x, -y or -z, got 'w'"),
+        ("xyy", "must be a right-handed triad such as -x, y, -z, got x, y, y"),
+        (("-x", "y", "z"), "must be a right-handed triad such as -x, y, -z, got -x, y, z"),
+    ],
+)
+def test_axes_that_are_no_triad_are_refused(axes, text):
+    with pytest.raises(BadInputError, match=text):
+        mounting_rotation(axes, (0, 0, 0))
+
+
+def changed(copy, *pairs):
+    """Return a copy's flight with parts of its flight.toml replaced."""
+    toml = copy / "flight.toml"
+    for old, new in pairs:
+        assert old in toml.read_text()
+        toml.write_text(toml.read_text().replace(old, new))
+    return load_flight(copy)
+
+
+def test_keys_of_flight_toml_rotate_samples_and_set_the_clock(saved, copy):
+    axes = ('axes = ["x", "y", "z"]', 'axes = ["y", "-x", "z"]')
+    got = changed(copy, axes, ("clock_offset_s = 0.0", "clock_offset_s = -0.25")).imu
+    np.testing.assert_allclose(got.t_s, saved[0].imu.t_s - 0.25, rtol=0, atol=1e-7)
+    for name in ("f_b_mps2", "w_b_radps"):
+        x, y, z = getattr(saved[0].imu, name).T
+        np.testing.assert_allclose(getattr(got, name), np.column_stack([y, -x, z]), rtol=1e-10)
+
+
+def test_timestamps_of_which_nothing_is_stated_are_known_to_half_a_sample(copy):
+    assert load_flight(copy).imu.clock_offset_sigma_s == 0.0  # a simulator's
+    line = "clock_offset_sigma_s = 0.0\n"
+    got = changed(copy, (line, "")).imu
+    interval_s = float(np.median(np.diff(got.t_s)))
+    assert got.clock_offset_sigma_s == pytest.approx(interval_s / np.sqrt(12), rel=1e-6)
+    with pytest.raises(BadInputError, match="clock_offset_sigma_s: must be 0 or more"):
+        changed(copy, ("clock_offset_s = 0.0", line.replace("0.0", "-1.0")))
+
+
+def test_noise_left_out_is_the_usual_and_stays_left_out_when_written_again(copy, tmp_path):
+    toml = copy / "flight.toml"
+    toml.write_text(re.sub(r"\n\w+_(noise|bias)\w* = .*", "", toml.read_text()))
+    silent = load_flight(copy)
+    assert silent.imu.unstated == tuple(USUAL_IMU_NOISE)
+    assert {name: getattr(silent.imu, name) for name in USUAL_IMU_NOISE} == USUAL_IMU_NOISE
+    assert silent.gnss_noise.unstated == ("code_m", "phase_m", "doppler_mps")
+    save_flight(silent, tmp_path / "again")
+    assert "_noise" not in (tmp_path / "again" / "flight.toml").read_text()

@@ -16,7 +16,7 @@ START_GPS_S = WEEK * 604_800 + TOW_S
 CODES_M = 2.1e7 + 1000.0 * np.arange(6)
 PHASES_CYCLES = 1.1e8 + np.arange(6.0)
 PLACE = (40.33, -3.88, 700.0)
-VELOCITY = (1.5, -2.5, 0.25)  # north, east, down
+VELOCITY = (1.5, -2.5, 0.25)  # north, east, down; whole centimetres
 SIGMA = (0.011, 0.011, 0.021)
 VECTOR = (0.1234, -1.4567, 0.0321)  # north, east, down
 EPOCHS = 5
@@ -68,6 +68,17 @@ def relative(k, flags=0b1_0011_0111 & ~0b1000 | 0b10100):
 
 def ubx(**changes):
     return b"".join(pvt(k) + relative(k, **changes) for k in range(EPOCHS))
+
+
+def old_ubx(k, *, status):
+    """Return NAV-POSLLH, NAV-STATUS, NAV-VELNED and NAV-TIMEGPS of u-blox 6's description."""
+    tow_ms, cm = int(TOW_S + k) * 1000, [round(1e2 * v) for v in VELOCITY]
+    place = (round(PLACE[1] * 1e7), round(PLACE[0] * 1e7), round(PLACE[2] * 1e3), 650_000)
+    out = _ubx(0x0102, struct.pack("<IiiiiII", tow_ms, *place, 11, 21))
+    if status:
+        out += _ubx(0x0103, struct.pack("<IBBBBII", tow_ms, 3 if k else 0, 0xDD, 0, 0, 0, 0))
+    out += _ubx(0x0112, struct.pack("<IiiiIIiII", tow_ms, *cm, 0, 0, 0, 4, 0))
+    return out + _ubx(0x0120, struct.pack("<IihbBI", tow_ms, 0, WEEK, 18, 7, 0))
 
 
 def _sbf(number, body):

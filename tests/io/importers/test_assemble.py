@@ -9,7 +9,7 @@ from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.io.importers import IMPORTERS
 from fgnav.io.importers.formats.readers import reader
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recognise import recognise_format
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from tests.io.importers.helpers import imported, refused, whole_of
@@ -96,7 +96,7 @@ def test_formats_are_told_by_first_bytes_then_by_names(tmp_path):
         ("imu.csv", b"1,2,3\n", "csv"),
     ]:
         (tmp_path / name).write_bytes(content)
-        assert recognised(tmp_path / name, tmp_path)[0] == format_
+        assert recognise_format(tmp_path / name, tmp_path)[0] == format_
 
 
 def test_help_names_every_format(capsys):

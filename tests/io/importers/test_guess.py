@@ -4,8 +4,8 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav.io.importers.formats.text_columns import read_csv
-from fgnav.io.importers.guess import guessed
-from fgnav.io.importers.recording import cleaned
+from fgnav.io.importers.guess import guess_table
+from fgnav.io.importers.recording import clean_rows
 from fgnav.io.importers.settings import Settings
 
 FORCE, RATE = "0.1,0.2,-9.8", "0.1,0.2,0.3"
@@ -15,7 +15,7 @@ def table(tmp_path, head, row, times="01234"):
     """Return what is guessed of five rows; ``{t}`` in a row is its time, which else goes before."""
     rows = [row.format(t=t) if "{t}" in row else f"{t},{row}" for t in times]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows]) + "\n")
-    return guessed(tmp_path / "a.csv")
+    return guess_table(tmp_path / "a.csv")
 
 
 def units(words):
@@ -154,8 +154,8 @@ def test_one_fall_of_a_long_row_of_times_is_a_wrap(tmp_path):
 def test_zeros_before_a_first_fix_are_no_place(tmp_path):
     rows = [f"{k},0,0,0,9" for k in range(3)] + [f"{k},40,-4,700,9" for k in range(3, 6)]
     (tmp_path / "a.csv").write_text("\n".join(["t,lat,lon,alt,satellites", *rows]) + "\n")
-    settings = Settings(csv=(guessed(tmp_path / "a.csv"),))
-    recording = cleaned(read_csv(tmp_path / "a.csv", settings, tmp_path))
+    settings = Settings(csv=(guess_table(tmp_path / "a.csv"),))
+    recording = clean_rows(read_csv(tmp_path / "a.csv", settings, tmp_path))
     assert len(recording.tables["fixes"]["t_s"]) == 3
     unused = {one.what: one.count for one in recording.unused}
     assert unused == {"a.csv column satellites": 6, "fixes row": 3}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recognise import recognise_format
 from tests.io.importers.helpers import imported, refused
 
 STEP_S, RATE, FORCE = 0.005, [0.1, -0.2, 0.3], [0.5, -1.0, -9.8]
@@ -33,10 +33,10 @@ def test_increments_become_rates_at_the_middle_of_their_interval(tmp_path, files
 
 def test_its_files_are_told_by_their_content(tmp_path, files):
     for path in files:
-        assert recognised(path, tmp_path) == ("kfgins", path)
+        assert recognise_format(path, tmp_path) == ("kfgins", path)
     rates = [f"{456300 + 0.01 * k:.2f} 0.01 0.02 0.03 0.1 0.2 -9.8" for k in range(5)]
     (tmp_path / "rates.csv").write_text("\n".join(rates) + "\n")  # no increments
-    assert recognised(tmp_path / "rates.csv", tmp_path)[0] == "csv"
+    assert recognise_format(tmp_path / "rates.csv", tmp_path)[0] == "csv"
 
 
 def test_a_gap_of_the_unit_does_not_thin_its_rates(tmp_path, files):
@@ -46,15 +46,16 @@ def test_a_gap_of_the_unit_does_not_thin_its_rates(tmp_path, files):
     np.testing.assert_allclose(flight.imu.w_b_radps, np.tile(RATE, (300, 1)), rtol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("text", "rule"),
-    [
-        ("1 2 3\n1 2 3\n", "must have two rows or more, of 7 columns"),
-        ("1 2 3 4 5 6 7\n1 2 3 4 5 6\n", "the number of columns changed from 7 to 6 at row 2"),
-        ("1 2 3 4 5 6 x\n1 2 3 4 5 6 7\n", "could not convert string 'x'"),
-        ("", "has 0 of 0"),
-    ],
-)
-def test_what_is_wrong_is_one_line(tmp_path, capsys, text, rule):
-    (tmp_path / "a.txt").write_text(text)
-    assert rule in refused(capsys, tmp_path, tmp_path / "a.txt", "--format", "kfgins")
+def test_what_is_damaged_is_counted_and_what_is_none_is_refused(tmp_path, files, capsys):
+    lines = files[0].read_text().splitlines()
+    lines[5], lines[7] = lines[5][:30], lines[7].replace(".", "x")
+    files[0].write_text("\n".join(lines) + "\n")
+    whole, flight = imported(tmp_path, "kfgins", *files)
+    assert len(flight.imu.t_s) == 398
+    reasons = {one.reason.partition(":")[0]: one.count for one in whole.unused}
+    assert reasons == {"has another number of columns": 1, "a cell is no number": 1}
+    for text, count in (("1 2 3\n1 2 3\n", "2 of 3"), ("", "0 of 0")):
+        (tmp_path / "a.txt").write_text(text)
+        line = refused(capsys, tmp_path, tmp_path / "a.txt", "--format", "kfgins")
+        assert "must have two rows of numbers or more, of 7 columns (inc" in line
+        assert f"has {count}" in line

@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.geometry.earth import ecef
 from fgnav.geometry.rotations import to_euler
-from fgnav.io.importers.recognise import recognised
+from fgnav.io.importers.recognise import recognise_format
 from tests.io.importers import logs
 from tests.io.importers.helpers import AROUND, imported, refused
 
@@ -28,7 +28,7 @@ NO_HEIGHT = {"ulg": "has no height (fix_type)", "BIN": "has no height (Status)"}
 LOSSES = {  # of what all have: the first fix
     "ulg 2021": {"is not valid, of a float solution or of a still base": 1},
     "ulg 2024": {"is not valid, of a float solution or of a still base": 1},
-    "BIN 2024": {"of another instance": 100, "of no fix's time": 1},
+    "BIN 2024": {"of another instance": 100, "of no time of fixes": 1},
     "BIN 2014": {},
 }
 LOSSES |= {name: {"has no sigma_n_m, as most have": 1} for name in ("bag", "mcap", "db3")}
@@ -118,8 +118,8 @@ def test_bytes_that_are_no_message_are_counted_and_passed(tmp_path):
 
 def test_of_two_units_the_settings_name_one(tmp_path, capsys):
     logs.bag(tmp_path / "log", "mcap", topics=("/front", "/rear"))
-    assert recognised(tmp_path / "log", tmp_path)[0] == "rosbag"
-    assert recognised(next((tmp_path / "log").glob("*.mcap")), tmp_path)[0] == "mcap"
+    assert recognise_format(tmp_path / "log", tmp_path)[0] == "rosbag"
+    assert recognise_format(next((tmp_path / "log").glob("*.mcap")), tmp_path)[0] == "mcap"
     line = refused(capsys, tmp_path, tmp_path / "log")
     assert "has 2 topics of sensor_msgs/msg/Imu, /front, /rear; name one as imu in [ros]" in line
     _, flight = imported(tmp_path, "rosbag", tmp_path / "log", toml='[ros]\nimu = "/rear"\n')

@@ -45,7 +45,7 @@ MINUTES = HEAD.replace("latitude(deg) longitude(deg)", "latitude(d'\") longitude
 @pytest.mark.parametrize(
     ("text", "unused"),
     [
-        (HEAD + ROW + ROW[:30] + "\n", {"a.pos row": 1, "a.pos columns Q, ns": 1}),
+        (HEAD + ROW + ROW[:30] + "\n", {"a.pos line": 1, "a.pos columns Q, ns": 1}),
         (HEAD + ROW + ROW.rstrip(), {"a.pos last line": 1, "a.pos columns Q, ns": 1}),
         (
             HEAD + ROW + ROW.replace("700.0", "-nan(ind)"),

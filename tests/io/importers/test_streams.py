@@ -1,16 +1,21 @@
 """Streams of receivers: raw measurements by RTKLIB, solutions value by value, what is not used."""
 
+import sys
+
 import numpy as np
 import pytest
 
+from fgnav.checks import BadInputError
 from fgnav.cli import main
 from fgnav.geometry.earth import ecef
 from fgnav.io.flight.folder import load_flight
 from fgnav.io.importers import importer_named
 from fgnav.io.importers.assemble import assemble
 from fgnav.io.importers.formats.streams import messages
+from fgnav.io.importers.recognise import recognise_format
 from fgnav.io.importers.settings import Settings, read_settings
 from fgnav.io.rinex.reader import read_rinex
+from fgnav.io.rtklib_convert import convert
 from tests.io.importers import streams
 from tests.io.importers.helpers import imported, refused, whole_of
 from tests.io.importers.streams import EPOCHS, PLACE, SIGMA, VECTOR, VELOCITY, gga, rmc, sentence
@@ -71,20 +76,16 @@ def test_a_damaged_epoch_is_left_out_and_its_bytes_are_counted(tmp_path, name, l
 @pytest.mark.parametrize("name", RAW)
 def test_only_what_is_damaged_lies_outside_messages(name):
     def outside(stream):
-        return len(stream) - sum(len(one.raw) for one in messages(stream))
+        return len(stream) - sum(len(message.raw) for message in messages(stream)[0])
 
-    content = RAW[name]()
-    epoch, rng = len(content) // 10, np.random.default_rng(5)
-    between = b"$GPHDT,1.0,T*34\r\n"
-    assert next(one.name for one in messages(between + content)) == "HDT"
+    content, between, rng = RAW[name](), b"$GPHDT,1.0,T*34\r\n", np.random.default_rng(5)
+    assert messages(between + content)[0][0].name == "HDT"
     assert outside(between + content + between) == 0
     assert outside(b"noise" + content + b"noise") == 10
     for at in rng.integers(len(content), size=100):
         changed = bytearray(content)
         changed[at] ^= int(rng.integers(1, 256))
-        assert 0 < outside(bytes(changed)) <= epoch
-    for at in range(1, epoch):
-        assert outside(content[:-at]) in range(1, epoch) or (name, at) == ("sbf", 16)
+        assert 0 < outside(bytes(changed)) <= len(content) // 10  # an epoch
 
 
 def test_raw_measurements_with_messages_go_before_a_solution(tmp_path, capsys):
@@ -193,7 +194,7 @@ def test_a_cut_file_is_read_to_its_last_whole_epoch(tmp_path):
     last = len(content) * (EPOCHS - 1) // EPOCHS + int.from_bytes(content[6:8], "little")
     flight, unused, _ = read(tmp_path, "sbf", content[: last + 30])  # a place is whole
     assert len(flight.fixes[0].t_s) == EPOCHS - 1
-    assert unused["fix: has no sigma_n_m, as most have"] == 1
+    assert unused["fixes row: has no sigma_n_m, as most have"] == 1
 
 
 def test_fixes_of_no_dimension_or_with_an_error_are_counted(tmp_path):
@@ -252,6 +253,48 @@ def test_what_is_no_fix_damaged_or_not_read_is_counted(tmp_path):
     }
 
 
+def test_sentences_without_checksums_are_read_where_none_has_one(tmp_path):
+    texts = [rmc("120000.00"), gga("120000.00"), rmc("120001.00"), gga("120001.00")]
+    bare = [f"{text.partition('*')[0]}\r\n" for text in texts]
+    flight, unused, whole = read(tmp_path, "nmea", "".join([*bare, bare[0][:20]]))
+    assert len(flight.fixes[0].t_s) == 2
+    assert whole.notes["nmea"].startswith("its 4 sentences have no checksums")
+    assert unused["byte: in no whole message: damaged, or of another format"] == 20
+    (tmp_path / "a.nmea").rename(tmp_path / "a.log")
+    assert recognise_format(tmp_path / "a.log", tmp_path)[0] == "nmea"
+    (tmp_path / "mixed").mkdir()
+    flight, unused, _ = read(tmp_path / "mixed", "nmea", "".join([*texts, bare[1]]))
+    assert unused["byte: in no whole message: damaged, or of another format"] == len(bare[1])
+
+
+@pytest.mark.parametrize("name", ["ubx", "sbf", "novatel"])
+def test_a_log_that_does_not_begin_with_a_message_is_recognised_by_the_first_whole_one(
+    tmp_path, name
+):
+    content = getattr(streams, name)()
+    (tmp_path / "a.log").write_bytes(b"# a receiver's log\n" + content[9:])
+    assert recognise_format(tmp_path / "a.log", tmp_path)[0] == name
+
+
+@pytest.mark.parametrize("status", [True, False])
+def test_positions_of_u_blox_serve_where_nothing_better_is_there(tmp_path, status):
+    """NAV-POSLLH, NAV-VELNED; NAV-STATUS says which are none, NAV-TIMEGPS dates them."""
+    content = b"".join(streams.old_ubx(k, status=status) for k in range(EPOCHS))
+    flight, unused, _ = read(tmp_path, "ubx", content)
+    (fixes,) = flight.fixes
+    assert flight.start_gps_s == streams.START_GPS_S + status  # the first has no fix
+    assert len(fixes.t_s) == EPOCHS - status
+    np.testing.assert_allclose(fixes.position_sigma_m, [SIGMA] * len(fixes.t_s), rtol=1e-6)
+    np.testing.assert_allclose(fixes.v_n_mps, [VELOCITY] * len(fixes.t_s), atol=1e-6)
+    reason = "the receiver had no fix of three dimensions"
+    names = ("NAV-POSLLH", "NAV-VELNED") if status else ()
+    assert unused == {f"{name} message: {reason}": 1 for name in names}
+    (tmp_path / "both").mkdir()
+    flight, unused, _ = read(tmp_path / "both", "ubx", content + streams.ubx())
+    assert_fixes(flight)
+    assert unused["latitude_deg of NAV-POSLLH: ubx has it, too"] == EPOCHS - status
+
+
 def test_a_start_dates_sentences_and_heights_may_lack_the_undulation(tmp_path):
     toml = 'start = "2024-01-02T03:00:00"'  # within half a day
     flight, _, whole = read(tmp_path, "nmea", gga("235959.00", undulation=""), toml)
@@ -277,3 +320,18 @@ NOISE = np.random.default_rng(3).bytes(5000)
 def test_what_is_wrong_is_one_line(tmp_path, capsys, name, content, rule):
     (tmp_path / "rover").write_bytes(content)
     assert rule in refused(capsys, tmp_path, tmp_path / "rover", "--format", name)
+
+
+@pytest.mark.parametrize(
+    ("program", "text"),
+    [
+        ("import os; os.kill(os.getpid(), 11)", r"a.ubx: RTKLIB crashed .status -11.; the file"),
+        ("import time; time.sleep(60)", "a.ubx: RTKLIB did not end within 0 s"),
+        ("import sys; sys.exit('no pyrtklib5')", "RTKLIB cannot run: no pyrtklib5"),
+    ],
+)
+def test_a_crash_or_a_hang_of_rtklib_names_the_file(tmp_path, program, text):
+    path = tmp_path / "a.ubx"
+    path.write_bytes(b"")
+    with pytest.raises(BadInputError, match=text):
+        convert(path, [], command=(sys.executable, "-c", program), timeout_s=0.3)

@@ -52,7 +52,7 @@ def test_columns_by_number_units_and_signs(tmp_path):
     np.testing.assert_allclose(flight.imu.w_b_radps[0], [np.pi / 2, 0, -np.pi / 4], rtol=1e-9)
     lost = {loss.reason: loss.count for loss in whole.unused}
     assert lost == {
-        "has another number of columns": 2,
+        "has another number of columns: the file is cut, or of mixed formats": 2,
         "a value is missing, or no instrument has it (imu.csv)": 1,
     }
     assert "clock of its own" in whole.missing["imu.clock_offset_s"]

@@ -1,18 +1,15 @@
 """Double differences of drawn epochs, in the library's own conventions."""
 
-import msgspec
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fgnav.checks import BadInputError
 from fgnav_sim.data_sets.differences import double_differences_of, true_cycles
 from fgnav_sim.data_sets.epochs import array_epochs
 from fgnav_sim.data_sets.world import (
     AnySites,
     AnyTimes,
     NoiseTable,
-    RandomArray,
     RunsTable,
     SatellitesTable,
     World,
@@ -85,12 +82,3 @@ def test_slots_have_the_name_of_a_satellite_that_stays():
     assert all(name[0] == "G" and name[1:].isdigit() for name in one.satellites)
     _, many = drawn(World(), 200)
     assert many.satellites == tuple(f"G#{k}" for k in range(1, 7))
-
-
-def test_arrays_that_differ_have_no_common_baselines():
-    world = msgspec.structs.replace(WORLD, array=RandomArray(antennas=(4, 4)))
-    epochs = array_epochs(world, np.random.default_rng(1), 6)
-    with pytest.raises(BadInputError, match="arrays differ from run to run; take epochs of one"):
-        double_differences_of(epochs)
-    of_one_run = double_differences_of(epochs[:3])
-    assert of_one_run.baselines_b_m.shape == (3, 3)

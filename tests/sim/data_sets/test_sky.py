@@ -1,12 +1,8 @@
 """Skies of data sets: the right satellites in the right directions at the right places."""
 
-from datetime import datetime
-
 import numpy as np
-import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fgnav.checks import BadInputError
 from fgnav.gnss.difference import double_differences
 from fgnav.gnss.orbits.satellites import satellite_states
 from fgnav_sim.data_sets.sky import skies
@@ -14,14 +10,14 @@ from fgnav_sim.data_sets.world import (
     AnySites,
     AnyTimes,
     DayTimes,
-    FixedSites,
     RunsTable,
     SatellitesTable,
     World,
 )
 from fgnav_sim.gnss.constellation import built_in_orbits, built_in_positions
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Straight
-from fgnav_sim.scenario import GnssTable, Place, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 START_GPS_S = 1_277_078_400.0
@@ -88,20 +84,6 @@ def test_a_run_of_a_day_begins_where_it_fits_in():
     assert (np.diff(t_s, axis=1) == 15.0).all()
 
 
-def test_each_given_place_has_its_own_sky():
-    places = (Place(), Place(latitude_deg=-33.9, longitude_deg=151.2, height_m=50.0))
-    one_place = [seen(World(sites=FixedSites(places=(place,))), 1, seed=3) for place in places]
-    both = seen(World(sites=FixedSites(places=places), times=DayTimes(duration_s=15.0)), 50)
-    alone = [
-        seen(World(sites=FixedSites(places=(place,)), times=DayTimes(duration_s=15.0)), 1)
-        for place in places
-    ]
-    assert not np.array_equal(one_place[0].e_n, one_place[1].e_n)
-    matches = [(both.e_n == sky.e_n[0]).all(axis=(1, 2)) for sky in alone]
-    assert (matches[0] ^ matches[1]).all()
-    assert 10 < matches[0].sum() < 40
-
-
 def test_a_choice_of_satellites_lasts_a_quarter_of_an_hour():
     sky = seen(World(runs=RunsTable(epochs=5760)), 1)
     changes = (sky.satellites[1:] != sky.satellites[:-1]).any(axis=1)
@@ -127,29 +109,3 @@ def test_runs_under_one_sky_draw_their_own_satellites():
     sky = seen(World(times=one_moment, satellites=numbers), 100)
     assert set((sky.satellites != "").sum(axis=1)) == {4, 5, 6}
     assert len({tuple(row) for row in sky.satellites}) == 3  # the best four, five and six
-
-
-def test_files_tell_where_satellites_are(shared):
-    orbits = shared / "orbits"
-    broadcast = SatellitesTable(navigation=(str(orbits / "ESBC00DNK_R_20201770000_01D_MN.rnx"),))
-    precise = SatellitesTable(orbits=(str(next(orbits.glob("*.SP3*"))),))
-    span = DayTimes(duration_s=3600.0)
-    skies_of = [
-        seen(World(times=span, runs=RunsTable(epochs=240), satellites=table), 1)
-        for table in (broadcast, precise)
-    ]
-    assert_array_equal(skies_of[0].satellites, skies_of[1].satellites)
-    assert_allclose(skies_of[0].e_n, skies_of[1].e_n, rtol=0, atol=1e-6)  # metres of 20,000 km
-
-
-def test_files_of_another_date_are_refused(shared):
-    file = shared / "orbits" / "ESBC00DNK_R_20201770000_01D_MN.rnx"
-    world = World(
-        start=datetime(2021, 3, 1),
-        times=DayTimes(duration_s=60.0),
-        satellites=SatellitesTable(navigation=(str(file),)),
-    )
-    with pytest.raises(
-        BadInputError, match=r"no satellite of G at 2021-03-01T00:00:00; name files"
-    ):
-        seen(world, 1)

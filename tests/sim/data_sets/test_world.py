@@ -22,8 +22,8 @@ def test_the_papers_world_is_a_hundred_days_over_madrid():
     world = load_world(WORLDS / "paper.toml")
     assert world.epochs == 100 * 24 * 3600 / 15
     assert (world.runs.epochs, world.runs.step_s) == (5760, 15.0)
-    assert world.sites.places[0].latitude_deg == 40.33
-    assert (world.satellites.choose, len(world.array.antennas_b_m)) == (6, 8)
+    assert world.sites.place.latitude_deg == 40.33
+    assert (world.satellites.choose, len(world.antennas_b_m)) == (6, 8)
 
 
 def test_a_world_of_no_phase_is_refused(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fgnav_sim.gnss.clocks import clocks
-from fgnav_sim.scenario import ClockTable
+from fgnav_sim.gnss.tables import ClockTable
 
 T_S = np.arange(0.0, 100.0, 0.5)
 

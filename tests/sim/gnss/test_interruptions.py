@@ -9,12 +9,13 @@ from fgnav.gnss.single_differences import single_differences
 from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav_sim.gnss.tables import (
     BodyMaskTable,
+    GnssTable,
     LossOfLockTable,
     OutageTable,
     SlipsTable,
 )
 from fgnav_sim.motion import Hold, Motion, Straight
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 from tests.sim.motions import STILL, SWING
 

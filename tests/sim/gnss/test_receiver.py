@@ -11,8 +11,8 @@ from fgnav.gnss.signals import wavelengths_m
 from fgnav.types.observations import LOST_LOCK
 from fgnav_sim.gnss.constellation import built_in_orbits
 from fgnav_sim.gnss.receiver import observe
-from fgnav_sim.gnss.tables import Cn0Table
-from fgnav_sim.scenario import ClockTable, GnssTable, Scenario
+from fgnav_sim.gnss.tables import ClockTable, Cn0Table, GnssTable
+from fgnav_sim.scenario import Scenario
 from tests.sim.motions import STILL, SWING
 
 QUIET = GnssTable(
@@ -34,7 +34,7 @@ def run(sensor, scenario=FLIGHT, seed=1):
     letters = tuple(sensor.signals)
     orbits = built_in_orbits(letters, scenario.start_gps_s, scenario.duration_s)
     rng = np.random.default_rng(seed)
-    seen = observe(sensor, scenario, orbits, rng=rng, progress=lambda _: None)
+    seen = observe(sensor, scenario, orbits, rng=rng)
     return orbits, seen.observations
 
 

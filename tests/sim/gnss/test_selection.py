@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from fgnav_sim.gnss.selection import chosen
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Arc, Motion, Straight
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 

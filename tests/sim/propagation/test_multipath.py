@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fgnav.gnss.signals import wavelengths_m
-from fgnav_sim.gnss.tables import MultipathTable, ReflectorTable
+from fgnav_sim.gnss.tables import GnssTable, MultipathTable, ReflectorTable
 from fgnav_sim.motion import Motion, Rate, Straight
 from fgnav_sim.propagation.multipath import echoes
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 from tests.sim.motions import STILL
 

@@ -10,9 +10,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fgnav.geometry.rotations import from_euler
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Hold, Motion, Rate, Sine, Straight
 from fgnav_sim.propagation.wind_up import wind_up
-from fgnav_sim.scenario import GnssTable, Scenario
+from fgnav_sim.scenario import Scenario
 from fgnav_sim.simulate import simulate
 
 UP = np.array([0.0, 0.0, -1.0])

@@ -4,7 +4,7 @@ import pytest
 from scipy.signal import welch
 
 from fgnav.checks import BadInputError
-from fgnav_sim.vehicle.atmosphere import Air, dryden, us_1976
+from fgnav_sim.vehicle.atmosphere import dryden, us_1976
 from fgnav_sim.vehicle.forces import air_at
 
 
@@ -27,7 +27,7 @@ def test_gusts_have_drydens_strength_scale_and_spectrum() -> None:
     direction = np.array([1.0, 1.0, 0.0])
     gust = dryden(
         np.random.default_rng(7), sigma_mps=2.0, direction_n=direction, length_m=4e6,
-        scale_m=500.0, interval_m=5.0,
+        scale_m=500.0,
     )  # fmt: skip
     along = gust @ direction / np.sqrt(2)
     for component in (along, gust @ [-1, 1, 0] / np.sqrt(2), gust[:, 2]):
@@ -46,7 +46,6 @@ def test_gusts_have_drydens_strength_scale_and_spectrum() -> None:
     [
         ({"sigma_mps": 0.0}, "sigma_mps: must be positive"),
         ({"length_m": -1.0}, "length_m: must be positive"),
-        ({"interval_m": 0.0}, "interval_m: must be positive"),
         ({"direction_n": np.zeros(3)}, "direction_n: must not be zero"),
     ],
 )
@@ -54,14 +53,3 @@ def test_bad_gusts_are_named(changes: dict, rule: str) -> None:
     good = {"sigma_mps": 1.0, "direction_n": np.ones(3), "length_m": 1e3}
     with pytest.raises(BadInputError, match=rule):
         dryden(np.random.default_rng(1), **{**good, **changes})
-
-
-def test_bad_winds_are_named() -> None:
-    with pytest.raises(BadInputError, match="wind_height_m: must increase"):
-        Air(wind_height_m=np.array([1.0, 1.0]), wind_mps=np.zeros((2, 2)))
-    with pytest.raises(BadInputError, match=r"wind_mps: expected shape \(1, 2\)"):
-        Air(wind_mps=np.zeros((2, 2)))
-    with pytest.raises(BadInputError, match="wind_height_m, gust_mps: must have one row or more"):
-        Air(gust_mps=np.zeros((0, 3)))
-    with pytest.raises(BadInputError, match="gust_interval_m: must be positive"):
-        Air(gust_interval_m=0.0)

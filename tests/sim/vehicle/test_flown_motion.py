@@ -4,11 +4,11 @@ import pytest
 from fgnav.checks import BadInputError
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log
-from fgnav_sim.vehicle.atmosphere import Air
 from fgnav_sim.vehicle.flown_motion import FlownMotion, flown_motion
-from fgnav_sim.vehicle.rigid_body import Flown, Plan, fly_batch
+from fgnav_sim.vehicle.rigid_body import Flown
 from fgnav_sim.vehicle.tables import BodyTable, Vehicle
 from tests.sim.vehicle.reference import (
+    fly,
     launch,
     position_e_m,
     rate_ib_b_radps,
@@ -28,8 +28,7 @@ def flown(row_interval_s: float = 0.01, ground_m: float = -5000.0) -> Flown:
         euler_rad=np.array([0.1, 0.6, -2.0]),
         w_ib_b_radps=np.array([30.0, 0.5, -0.4]),
     )
-    plan = Plan(duration_s=10.0, row_interval_s=row_interval_s, ground_m=ground_m)
-    return fly_batch([BODY], [start], [Air(present=False)], plan)
+    return fly(BODY, start, row_interval_s=row_interval_s, ground_m=ground_m, air=False)
 
 
 @pytest.fixture(scope="module")
@@ -75,5 +74,5 @@ def test_times_outside_the_flight_are_named(motion: FlownMotion) -> None:
 
 
 def test_a_flight_that_meets_the_ground_at_once_is_named() -> None:
-    with pytest.raises(BadInputError, match="flight 0: must have two rows or more, got 1"):
+    with pytest.raises(BadInputError, match=r"flown\.start: the flight meets the ground at once"):
         flown_motion(flown(ground_m=2000.0), ORIGIN)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fgnav_sim.vehicle.atmosphere import Air
+from fgnav_sim.vehicle.flown_table import FlownTable, WindTable
 from fgnav_sim.vehicle.forces import (
     CANARD,
     COEFFICIENTS,
@@ -14,19 +14,19 @@ from fgnav_sim.vehicle.forces import (
     coefficients_at,
     wind_at,
 )  # fmt: skip
-from fgnav_sim.vehicle.model import pack
-from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Plan, fly_batch
+from fgnav_sim.vehicle.model import NO_GUST, pack
 from fgnav_sim.vehicle.tables import Airframe, Axisymmetric, BodyTable, Vehicle
-from tests.sim.vehicle.reference import ROCKET, launch, rate_ib_b_radps
+from tests.sim.vehicle.reference import ROCKET, fly, launch, rate_ib_b_radps
 
 BODY_ONLY = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3))
 DENSITY = 1.1
 
 
-def packed(vehicle: Vehicle, air: Air | None = None) -> tuple[np.void, np.ndarray]:
-    model = pack([vehicle], [air or Air()], ("j2", WGS84), None, 1.0)
-    return model.bodies[0], model.tables[0]
+def packed(
+    vehicle: Vehicle, gust_mps: np.ndarray = NO_GUST, **table: object
+) -> tuple[np.void, np.ndarray]:
+    model = pack(vehicle, FlownTable(vehicle=vehicle, **table), 1.0, gust_mps)
+    return model.body, model.tables
 
 
 def flow(v_b: np.ndarray, w_b: np.ndarray) -> tuple:
@@ -103,11 +103,10 @@ def test_coefficients_are_cubic_splines_of_mach_and_their_ends_hold() -> None:
 
 
 def test_wind_is_linear_between_heights_and_constant_outside() -> None:
-    air = Air(
-        wind_height_m=np.array([0.0, 100.0, 300.0]),
-        wind_mps=np.array([[1.0, 0.0], [3.0, -4.0], [3.0, 8.0]]),
+    wind = WindTable(
+        height_m=(0.0, 100.0, 300.0), north_mps=(1.0, 3.0, 3.0), east_mps=(0.0, -4.0, 8.0)
     )
-    body, tables = packed(ROCKET, air)
+    body, tables = packed(ROCKET, wind=wind)
     heights = (-50.0, 50.0, 250.0, 900.0)
     assert [wind_at(body, tables, h, 0.0) for h in heights] == [
         (1.0, 0.0, 0.0), (2.0, -2.0, 0.0), (3.0, 5.0, 0.0), (3.0, 8.0, 0.0),
@@ -116,14 +115,14 @@ def test_wind_is_linear_between_heights_and_constant_outside() -> None:
 
 def test_gusts_follow_the_distance_through_the_air_and_the_last_one_stays() -> None:
     gust = np.array([[0.0, 0.0, 0.0], [2.0, 4.0, 6.0], [4.0, 0.0, -6.0]])
-    body, tables = packed(ROCKET, Air(gust_mps=gust, gust_interval_m=10.0))
-    assert wind_at(body, tables, 0.0, 5.0) == (1.0, 2.0, 3.0)
-    assert wind_at(body, tables, 0.0, 15.0) == (3.0, 2.0, 0.0)
+    body, tables = packed(ROCKET, gust)
+    assert wind_at(body, tables, 0.0, 2.5) == (1.0, 2.0, 3.0)
+    assert wind_at(body, tables, 0.0, 7.5) == (3.0, 2.0, 0.0)
     assert wind_at(body, tables, 0.0, 500.0) == (4.0, 0.0, -6.0)
 
 
 def test_a_single_gust_is_a_wind_too() -> None:
-    body, tables = packed(ROCKET, Air(gust_mps=np.array([[1.0, 2.0, 3.0]])))
+    body, tables = packed(ROCKET, np.array([[1.0, 2.0, 3.0]]))
     assert wind_at(body, tables, 0.0, 5.0) == (1.0, 2.0, 3.0)
 
 
@@ -167,8 +166,7 @@ def test_moments_move_with_the_centre_of_mass() -> None:
     turns = []
     for centre_m in (1.5, 1.0, 2.0):
         body = BodyTable(mass_kg=2.0, inertia_kgm2=(1.0, 1.2, 1.3), centre_m=centre_m)
-        plan = Plan(duration_s=0.01)
-        flight = fly_batch([Vehicle(body=body, aerodynamics=shape)], [start], [Air()], plan)
+        flight = fly(Vehicle(body=body, aerodynamics=shape), start, 0.01)
         turns.append(rate_ib_b_radps(flight)[-1, 1])
     assert abs(turns[0]) < 1e-4  # the Earth's rotation
     assert turns[1] > 0.01  # lift ahead of the centre of mass turns the nose up

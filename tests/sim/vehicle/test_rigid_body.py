@@ -6,12 +6,9 @@ from fgnav.checks import BadInputError
 from fgnav.geometry import earth
 from fgnav.geometry.earth import Origin
 from fgnav.geometry.rotations import exp, log
-from fgnav_sim.vehicle.atmosphere import Air
-from fgnav_sim.vehicle.forces import COEFFICIENTS, SIZE, P, Q, V, W
-from fgnav_sim.vehicle.model import pack
-from fgnav_sim.vehicle.planet import WGS84
-from fgnav_sim.vehicle.rigid_body import Flown, Launch, Plan, fly_batch, rotations_of
-from fgnav_sim.vehicle.rigid_body_kernel import derivative
+from fgnav_sim.vehicle.flown_table import AttitudeTable, StartTable
+from fgnav_sim.vehicle.forces import P, Q, V, W
+from fgnav_sim.vehicle.rigid_body import Flown, rotations_of
 from fgnav_sim.vehicle.tables import Axisymmetric, BodyTable, MotorTable, Vehicle
 from tests.sim.vehicle import reference
 from tests.sim.vehicle.reference import (
@@ -30,16 +27,15 @@ HIGH = Origin(latitude_rad=0.7, longitude_rad=0.0, height_m=9e5)  # a minute's f
 TUMBLER = BodyTable(
     mass_kg=10.0, inertia_kgm2=(0.5, 1.1, 1.4), products_kgm2=(0.05, -0.08, 0.02)
 )  # fmt: skip
-VACUUM = Air(present=False)
 MICRODEG = 1e-6
 
 
-def launch(origin: Origin = MADRID, **changes: object) -> Launch:
+def launch(origin: Origin = MADRID, **changes: object) -> tuple[Origin, StartTable]:
     return reference.launch(origin=origin, **changes)
 
 
-def flown(vehicle: Vehicle, start: Launch, air: Air = VACUUM, **plan: object) -> Flown:
-    return fly_batch([vehicle], [start], [air], Plan(**{"duration_s": 10.0, **plan}))
+def flown(vehicle: Vehicle, start: tuple[Origin, StartTable], **table: object) -> Flown:
+    return reference.fly(vehicle, start, **{"air": False, **table})
 
 
 def spinning_rocket() -> Vehicle:
@@ -64,7 +60,7 @@ def test_a_body_of_revolution_at_five_turns_a_second_keeps_its_attitude_for_a_mi
     body = BodyTable(mass_kg=10.0, inertia_kgm2=tuple(inertia))
     flight = flown(Vehicle(body=body), launch(HIGH, w_ib_b_radps=w), duration_s=60.0, gravity="j2")
     # Closed form: a turn about the angular momentum, after one about the axis of symmetry.
-    R_ib = rotations_of(flight.y[0, :, Q : Q + 4])
+    R_ib = rotations_of(flight.y[:, Q : Q + 4])
     momentum_i = R_ib[0] @ (inertia * w)
     spin = np.array([w[0] * (1 - inertia[0] / inertia[1]), 0.0, 0.0])
     t_s = flight.t_s[:, None]
@@ -85,7 +81,7 @@ def test_a_fast_top_precesses_and_nutates_at_its_closed_form_frequencies() -> No
             euler_rad=down, v_n_mps=np.array([0.0, 0.0, speed]),
             w_ib_b_radps=np.array([spin, 0.0, 0.0]),
         ),
-        Air(), duration_s=0.2, step_s=5e-5, row_interval_s=2e-3,
+        air=True, duration_s=0.2, step_s=5e-5, row_interval_s=2e-3,
     )  # fmt: skip
     u_n = MADRID.R_ne @ rotation_eb(flight)[:, :, 0].T
     v_n = MADRID.R_ne @ velocity_e_mps(flight).T
@@ -110,7 +106,7 @@ def test_burning_in_empty_space_gains_the_rocket_equation() -> None:
     assert motor is not None
     burnt = flown(rocket, launch(FAR), duration_s=4.0, gravity="j2")
     coasting = flown(Vehicle(body=rocket.body), launch(FAR), duration_s=4.0, gravity="j2")
-    gained = burnt.y[0, -1, V : V + 3] - coasting.y[0, -1, V : V + 3]
+    gained = burnt.y[-1, V : V + 3] - coasting.y[-1, V : V + 3]
     impulse = PchipInterpolator(motor.time_s, motor.thrust_n).integrate(0.0, 3.0)
     dry, wet = rocket.body.mass_kg, rocket.body.mass_kg + motor.propellant_kg
     speed = impulse / motor.propellant_kg * np.log(wet / dry)
@@ -136,7 +132,7 @@ def test_a_tumbling_body_keeps_energy_and_angular_momentum() -> None:
         launch(v_n_mps=np.array([300.0, 200.0, -900.0]), w_ib_b_radps=np.array([2.0, 3.0, -1.0])),
         duration_s=30.0, gravity="j2",
     )  # fmt: skip
-    y = flight.y[0]
+    y = flight.y
     p, v, w = y[:, P : P + 3], y[:, V : V + 3], y[:, W : W + 3]
     r, sine = np.linalg.norm(p, axis=1), p[:, 2] / np.linalg.norm(p, axis=1)
     legendre = 1.5 * sine**2 - 0.5
@@ -164,10 +160,10 @@ def test_a_tumbling_body_keeps_energy_and_angular_momentum() -> None:
 
 def test_halving_the_step_divides_the_error_by_sixteen() -> None:
     start = launch(w_ib_b_radps=np.array([2.0, 3.0, -1.0]))
-    exact = fly_reference(Vehicle(body=TUMBLER), start, VACUUM, Plan(duration_s=10.0))
     errors = []
     for step_s in (0.01, 0.005):
         flight = flown(Vehicle(body=TUMBLER), start, step_s=step_s, row_interval_s=0.02)
+        exact = fly_reference(Vehicle(body=TUMBLER), start, flight, air=False)
         turn = rotation_eb(exact)[-1:].swapaxes(1, 2) @ rotation_eb(flight)[-1:]
         errors.append(float(np.linalg.norm(log(turn))))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
@@ -179,9 +175,10 @@ def test_the_compiled_steps_agree_with_dop853_over_thirty_seconds(gravity: str) 
         euler_rad=np.radians([0.0, 80.0, 30.0]), v_n_mps=np.array([10.0, 6.0, -60.0]),
         w_ib_b_radps=np.array([6.0, 0.0, 0.0]),
     )  # fmt: skip
-    plan = Plan(duration_s=30.0, row_interval_s=0.1, gravity=gravity)
-    steps = fly_batch([spinning_rocket()], [start], [Air()], plan)
-    exact = fly_reference(spinning_rocket(), start, Air(), plan)
+    steps = flown(
+        spinning_rocket(), start, air=True, duration_s=30.0, row_interval_s=0.1, gravity=gravity
+    )
+    exact = fly_reference(spinning_rocket(), start, steps, gravity=gravity)
     assert np.abs(position_e_m(steps) - position_e_m(exact)).max() < 1e-6  # m
     turn = rotation_eb(exact).swapaxes(1, 2) @ rotation_eb(steps)
     assert np.degrees(np.linalg.norm(log(turn), axis=1)).max() < MICRODEG
@@ -191,14 +188,9 @@ def test_the_compiled_steps_agree_with_dop853_over_thirty_seconds(gravity: str) 
 @pytest.mark.parametrize("latitude_deg", [-78.0, 0.0, 40.0, 90.0])
 def test_a_body_at_rest_feels_the_gravity_of_the_library(gravity: str, latitude_deg: float) -> None:
     origin = Origin(latitude_rad=np.radians(latitude_deg), longitude_rad=1.0, height_m=5000.0)
-    start = launch(origin)
-    model = pack([Vehicle(body=TUMBLER)], [VACUUM], (gravity, WGS84), None, 1.0)
-    dy = np.empty(SIZE)
-    derivative(
-        0.0, model.bodies[0], model.tables[0], model.air, start.state(), dy, np.zeros(COEFFICIENTS)
-    )
+    flight = flown(Vehicle(body=TUMBLER), launch(origin), duration_s=0.01, gravity=gravity)
     rate = np.array([0.0, 0.0, earth.EARTH_RATE_RADPS])
-    g_n = origin.R_ne @ (dy[V : V + 3] - np.cross(rate, np.cross(rate, origin.p_e_m)))
+    g_n = origin.R_ne @ (flight.dy[0, V : V + 3] - np.cross(rate, np.cross(rate, origin.p_e_m)))
     assert np.abs(g_n - origin.gravity_n_mps2(np.zeros((1, 3)), gravity)[0]).max() < 1e-9
 
 
@@ -208,49 +200,22 @@ def test_a_body_at_rest_on_the_earth_starts_at_rest_and_where_it_is() -> None:
     place = [MADRID.latitude_rad, MADRID.longitude_rad, MADRID.height_m]
     assert places(flight)[0] == pytest.approx(place, abs=1e-6)
     assert euler_rad(flight)[0] == pytest.approx([0.3, -0.2, 2.0], abs=1e-9)
-    assert np.linalg.norm(flight.y[0, :, Q : Q + 4], axis=1) == pytest.approx(1.0, abs=1e-12)
+    assert np.linalg.norm(flight.y[:, Q : Q + 4], axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_a_flight_ends_at_the_ground_and_its_later_rows_are_not_numbers() -> None:
+def test_a_flight_ends_at_the_ground() -> None:
     flight = flown(Vehicle(body=TUMBLER), launch(), ground_m=600.0, row_interval_s=0.1)
     fall_s = np.sqrt(2 * 100.0 / 9.8)
-    assert flight.t_s[flight.rows[0] - 1] == pytest.approx(fall_s, abs=0.11)
-    assert np.isfinite(flight.y[0, : flight.rows[0]]).all()
-    assert np.isnan(flight.y[0, flight.rows[0] :]).all()
+    assert flight.t_s[-1] == pytest.approx(fall_s, abs=0.11)
+    assert len(flight.y) == len(flight.dy) == len(flight.t_s)
 
 
 def test_a_step_that_diverges_is_named() -> None:
     start = launch(w_ib_b_radps=np.array([60.0, 80.0, 50.0]))
-    with pytest.raises(BadInputError, match=r"step_s: the integration of flight 1 diverges with 0"):
-        fly_batch(
-            [Vehicle(body=TUMBLER)] * 2, [launch(), start], [VACUUM] * 2,
-            Plan(duration_s=10.0, step_s=0.1, row_interval_s=0.1),
-        )  # fmt: skip
+    with pytest.raises(BadInputError, match=r"step_s: the integration diverges with 0"):
+        flown(Vehicle(body=TUMBLER), start, step_s=0.1, row_interval_s=0.1)
 
 
-def test_bad_calls_are_named() -> None:
-    body = Vehicle(body=TUMBLER)
-    short = Plan(duration_s=1.0)
-    low = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=-6000.0)
-    for call, text in (
-        (lambda: fly_batch([body], [launch()], [], short), "vehicles, launches, air: must be of"),
-        (
-            lambda: fly_batch([body] * 2, [launch()] * 2, [Air(), VACUUM], short),
-            "air: must be present in all flights",
-        ),
-        (lambda: flown(body, launch(), gravity="none"), "gravity model: must be one of j2"),
-        (
-            lambda: flown(reference.ROCKET, launch(), step_s=0.05, row_interval_s=0.05),
-            r"step_s: must be at most twice the canards' lag_s",
-        ),
-        (lambda: launch(low), "height_m: must not be below -5000"),
-        (lambda: launch(spin_radps=np.nan), "spin_radps: must be finite"),
-        (lambda: launch(v_n_mps=np.zeros(2)), r"v_n_mps: expected shape \(3,\)"),
-        (lambda: Plan(duration_s=0.0), "duration_s: must be positive"),
-        (
-            lambda: Plan(duration_s=1.0, step_s=0.1, row_interval_s=0.01),
-            "step_s, row_interval_s, duration_s: must not decr",
-        ),
-    ):
-        with pytest.raises(BadInputError, match=text):
-            call()
+def test_a_step_too_long_for_the_canards_is_named() -> None:
+    with pytest.raises(BadInputError, match=r"step_s: must be at most twice the canards' lag_s"):
+        flown(reference.ROCKET, launch(), step_s=0.05, attitude=AttitudeTable())

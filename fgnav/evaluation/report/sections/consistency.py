@@ -1,4 +1,4 @@
-"""Whether stated covariances are honest: innovations, and errors."""
+"""Consistency of covariances: normalised innovations and errors."""
 
 from collections.abc import Sequence
 
@@ -28,12 +28,12 @@ def consistency_blocks(methods: Sequence[Method], time: Span) -> Blocks:
     """Return tables and figures of NIS and NEES; empty where no method states a covariance."""
     rows = [
         [
-            *(method.name, one.what, str(one.count), *nis_cells(one.nis, one.freedom)),
-            f"{100 * one.beyond_99:.2f} %",
+            *(method.name, test.what, str(test.count), *nis_cells(test.nis, test.freedom)),
+            f"{100 * test.beyond_99:.2f} %",
         ]
         for method in methods
-        for one in method.score.consistency
-        if one.freedom
+        for test in method.score.consistency
+        if test.freedom
     ]
     heads = ["method", "measurement", "tested", *NIS_HEADS, "beyond 99 %"]
     return (
@@ -54,9 +54,9 @@ def _innovation_histograms(methods: Sequence[Method]) -> Blocks:
     """Return a histogram for each kind of measurement, by deciles of what is expected of it."""
     by_kind: dict[str, dict[str, FloatArray]] = {}
     for method in methods:
-        for one in method.score.consistency:
-            if any(one.deciles):
-                by_kind.setdefault(one.what, {})[method.name] = np.array(one.deciles, dtype=float)
+        for test in method.score.consistency:
+            if any(test.deciles):
+                by_kind.setdefault(test.what, {})[method.name] = np.array(test.deciles, dtype=float)
     charts = []
     for kind, of in by_kind.items():
         count = max(int(counts.sum()) for counts in of.values())
@@ -109,7 +109,7 @@ def _normalised_errors(methods: Sequence[Method], time: Span) -> Blocks:
 
 
 def _decades(lines: Sequence[Line]) -> Span:
-    """Return what most of NEES lies between, and its band."""
+    """Return limits that hold most of NEES, and its band."""
     ends = [end for line in lines for end in np.nanpercentile(line.y, [0.5, 99.5]).tolist()]
     return max(min(0.01, *ends), 1e-3), max(20.0, *ends)
 

@@ -42,8 +42,8 @@ def integer_blocks(flight: Flight, comparison: Comparison, time: Span) -> Blocks
         for name, integers in of.items()
     }
     series = (
-        ("links with fixed integers", "links", Line(n, t_s, one.fixed.sum(axis=(1, 2)) * 1.0))
-        for n, one in of.items()
+        ("links with fixed integers", "links", Line(n, t_s, integers.fixed.sum(axis=(1, 2)) * 1.0))
+        for n, integers in of.items()
     )
     states = cells_chart(f"epochs by their integers{_WORST}", rows, edges_s, _OUTCOMES, time)
     charts = grid([states, *time_charts(series, time, spanning)])
@@ -54,7 +54,7 @@ def _integers(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, 
     """Yield each method's integers, those at the epochs of the observations."""
     epochs = -1 if flight.observations is None else len(flight.observations.t_s)
     for method in methods:
-        integers = None if method.estimate is None else method.estimate.integers
+        integers = method.solution.integers
         if integers is not None and len(integers.cycles) == epochs:
             yield method.name, integers
 
@@ -63,8 +63,8 @@ def _outcomes(integers: Integers, right: Integers | None) -> IntArray:
     """Return the place in ``_OUTCOMES`` of each epoch; wrong ones are known by the truth alone."""
     outcome: IntArray = np.array([list(_OUTCOMES).index(state) for state in integers.outcome])
     if right is not None and right.fixed.shape == integers.fixed.shape:
-        judged = integers.fixed & right.fixed
-        outcome[(judged & (integers.cycles != right.cycles)).any(axis=(1, 2))] = 0
+        comparable = integers.fixed & right.fixed
+        outcome[(comparable & (integers.cycles != right.cycles)).any(axis=(1, 2))] = 0
     return outcome
 
 
@@ -81,19 +81,19 @@ def _counts(methods: Sequence[Method]) -> Blocks:
 
 def _arcs(methods: Sequence[Method]) -> Blocks:
     """Return the integers of arcs that are least sure, with their chance of being wrong."""
-    stated = [
-        (one.wrong_probability, method.name, one)
+    arcs = [
+        (arc.wrong_probability, method.name, arc)
         for method in methods
-        for one in method.arcs
-        if one.wrong_probability is not None
+        for arc in method.arcs
+        if arc.wrong_probability is not None
     ]
-    stated.sort(key=lambda row: -row[0])
+    arcs.sort(key=lambda row: -row[0])
     rows = [
-        [name, one.link, f"{one.from_s:.2f}", f"{one.until_s:.2f}", f"{wrong:.2g}", one.by]
-        for wrong, name, one in stated
+        [name, arc.link, f"{arc.from_s:.2f}", f"{arc.until_s:.2f}", f"{wrong:.2g}", arc.by]
+        for wrong, name, arc in arcs
     ]
-    mean = sum(wrong for wrong, _, _ in stated) / max(len(stated), 1)
-    title = f"arcs by the chance that their integer is wrong, of {len(stated)}; mean {mean:.2g}"
+    mean = sum(wrong for wrong, _, _ in arcs) / max(len(arcs), 1)
+    title = f"arcs by the chance that their integer is wrong, of {len(arcs)}; mean {mean:.2g}"
     heads = ["method", "link", "from, s", "until, s", "chance", "by"]
     return table(heads, rows, title, most=_MOST_ARCS)
 
@@ -101,7 +101,10 @@ def _arcs(methods: Sequence[Method]) -> Blocks:
 def _reasons(of: dict[str, Integers]) -> Blocks:
     """Return why epochs are not fixed, most frequent first."""
     counted = Counter(
-        (name, reason) for name, one in of.items() for reason in one.reasons or () if reason
+        (name, reason)
+        for name, integers in of.items()
+        for reason in integers.reasons or ()
+        if reason
     )
     rows = [[name, reason, str(n)] for (name, reason), n in counted.most_common()]
     return table(["method", "why an epoch is not fixed, or lacks links", "epochs"], rows)

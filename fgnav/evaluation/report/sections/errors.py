@@ -53,19 +53,19 @@ def error_charts(methods: Sequence[Method], time: Span) -> Blocks:
             for title, y, line in by_component
         ]
         blocks += grid(time_charts(together, time, around_zero))
-        apart = []
+        by_method = []
         for name, by_component in series.items():
             named = ((f"{name}: {title}", y, line) for title, y, line in by_component)
-            apart += grid(time_charts(named, time, around_zero))
-        blocks += folded(f"{of.name}: each method with its own ±3σ", apart)
+            by_method += grid(time_charts(named, time, around_zero))
+        blocks += folded(f"{of.name}: each method with its own ±3σ", by_method)
     return paragraph(_EXPLANATION) + blocks if blocks else []
 
 
 def _errors(method: Method, of: _Quantity) -> Series:
     """Yield the errors of a method by component, with their bands."""
-    estimate, errors = method.estimate, method.errors
+    estimate, errors = method.solution, method.errors
     values = None if errors is None else getattr(errors, of.errors)
-    if estimate is None or errors is None or values is None or of.name in hidden(estimate):
+    if errors is None or values is None or of.name in hidden(estimate):
         return
     sigma = getattr(errors, of.sigma)
     for k, name in enumerate(of.components):
@@ -80,14 +80,12 @@ def sigma_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Block
     rows = [
         [method.name, f"{a:.1f}", f"{b:.1f}", f"{b - a:.1f}"]
         for method in methods
-        if method.estimate is not None
-        for a, b in open_heading_spans_s(method.estimate)
+        for a, b in open_heading_spans_s(method.solution)
     ]
     series = (
-        (f"1σ of {name}", f"1σ, {unit}", Line(method.name, method.estimate.t_s, values))
+        (f"1σ of {name}", f"1σ, {unit}", Line(method.name, method.solution.t_s, values))
         for method in methods
-        if method.estimate is not None
-        for name, unit, values in _sigmas(flight, method.estimate)
+        for name, unit, values in _sigmas(flight, method.solution)
     )
     charts = time_charts(series, time, log="y")
     caption = f"heading open: 1σ of yaw beyond {np.degrees(KNOWN_RAD):.0f} deg"

@@ -40,7 +40,7 @@ _RATES = (
 
 
 class _States(NamedTuple):
-    """What is drawn of a method, of fixes or of the truth; None where there is none."""
+    """States of a method, of fixes or of the truth; None where there are none."""
 
     style: str
     name: str
@@ -58,7 +58,7 @@ class _States(NamedTuple):
 def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Blocks:
     """Return the motion in time, and the ground track."""
     states = list(_states(flight, methods))
-    series = [one for state in states for one in _series(flight, state)]
+    series = [line for state in states for line in _series(flight, state)]
     tracks = []
     for state in states:
         if state.p_n_m is not None and np.isfinite(state.p_n_m).any():
@@ -72,8 +72,8 @@ def motion_charts(flight: Flight, methods: Sequence[Method], time: Span) -> Bloc
 def _states(flight: Flight, methods: Sequence[Method]) -> Iterator[_States]:
     """Yield states of methods, the truth and fixes."""
     for method in methods:
-        estimate = method.estimate
-        if estimate is not None and len(estimate.t_s):
+        estimate = method.solution
+        if len(estimate.t_s):
             lost = hidden(estimate)
             yield _States(
                 *(method.name, method.name, estimate.t_s, estimate.R_nb),
@@ -124,8 +124,12 @@ def rate_and_bias_charts(flight: Flight, methods: Sequence[Method], time: Span) 
 def _rates_and_biases(flight: Flight, methods: Sequence[Method]) -> Series:
     for name, unit, field, covariance in _RATES:
         scale = 180 / np.pi if unit == "deg/s" else 1.0
-        estimates = {m.name: m.estimate for m in methods if m.estimate is not None}
-        has = {of: one for of, one in estimates.items() if getattr(one, field) is not None}
+        estimates = {m.name: m.solution for m in methods}
+        has = {
+            of: estimate
+            for of, estimate in estimates.items()
+            if getattr(estimate, field) is not None
+        }
         for k, axis in enumerate("xyz"):
             for of, estimate in has.items():
                 spread = sigmas(getattr(estimate, covariance, None))

@@ -1,4 +1,4 @@
-"""What methods leave of receivers' own solutions over time: fixes and baselines less estimates."""
+"""Residuals of receivers' own solutions over time: fixes and baselines less estimates."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -38,15 +38,20 @@ def receiver_blocks(flight: Flight, methods: Sequence[Method], time: Span) -> Bl
     """Return figures and a table of residuals; empty without fixes and baselines."""
     series, rows = [], []
     for method in methods:
-        for one in _residuals(flight, method.estimate) if method.estimate is not None else ():
-            y = f"residual, {one.unit}"
+        for residual in _residuals(flight, method.solution):
+            y = f"residual, {residual.unit}"
             if method is methods[0]:  # what the receiver states is the same for all
-                stated = Line(FIXES, one.t_s, 0 * one.value, "3σ", half=3 * one.sigma)
-                series.append((one.title, y, stated))
-            series.append((one.title, y, Line(method.name, one.t_s, one.value, dots=True)))
-            rms, sigma = float(np.sqrt((one.value**2).mean())), float(np.median(one.sigma))
-            sizes = [f"{number(value)} {one.unit}" for value in (rms, sigma)]
-            rows.append([one.title, method.name, str(len(one.value)), *sizes])
+                band = Line(FIXES, residual.t_s, 0 * residual.value, "3σ", half=3 * residual.sigma)
+                series.append((residual.title, y, band))
+            series.append(
+                (residual.title, y, Line(method.name, residual.t_s, residual.value, dots=True))
+            )
+            rms, sigma = (
+                float(np.sqrt((residual.value**2).mean())),
+                float(np.median(residual.sigma)),
+            )
+            sizes = [f"{number(value)} {residual.unit}" for value in (rms, sigma)]
+            rows.append([residual.title, method.name, str(len(residual.value)), *sizes])
     rows.sort(key=lambda row: row[0])
     heads = ["of", "method", "count", "RMS", "1σ, median"]
     figures = table(heads, rows, "residuals, and 1σ as the receiver states it")

@@ -42,8 +42,8 @@ def _of_array(
     a group is taken off each baseline, so that noise of the reference is not in all others.
     """
     for method in methods:
-        estimate = method.estimate
-        if estimate is None or hidden(estimate) & set(EULER):
+        estimate = method.solution
+        if hidden(estimate) & set(EULER):
             continue
         rows, answers = common_epochs(differences.t_s, estimate.t_s)
         some = differences[rows]
@@ -59,9 +59,9 @@ def _of_code(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, _
     from fgnav.gnss.undifferenced import undifferenced  # noqa: PLC0415  # lazy: brings numba
 
     placed = [
-        (method.name, method.estimate, method.estimate.p_n_m)
+        (method.name, method.solution, method.solution.p_n_m)
         for method in methods
-        if method.estimate is not None and "position" not in hidden(method.estimate)
+        if "position" not in hidden(method.solution)
     ]
     if flight.observations is None or not placed:
         return
@@ -75,8 +75,8 @@ def _of_code(flight: Flight, methods: Sequence[Method]) -> Iterator[tuple[str, _
             continue
         rows, answers = common_epochs(observed.t_s, estimate.t_s)
         antenna_n_m = p_n_m[answers] + estimate.R_nb[answers] @ arm_b_m
-        apart_n_m = antenna_n_m - observed.place_n_m[rows]
-        left_m = observed.code_m[rows] + np.einsum("kmi,ki->km", observed.e_n[rows], apart_n_m)
+        baseline_n_m = antenna_n_m - observed.place_n_m[rows]
+        left_m = observed.code_m[rows] + np.einsum("kmi,ki->km", observed.e_n[rows], baseline_n_m)
         _take_off_means(left_m[:, None], observed.group)
         yield name, _rms(observed.satellites, observed.signals, left_m)
 

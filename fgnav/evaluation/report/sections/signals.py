@@ -73,8 +73,8 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
     kinds: IntArray = np.where(received, np.where(count > 0, level, 2), -1)
     shown = np.flatnonzero(tracked.any(axis=0))
     names = [f"{a} {b}" for a, b in zip(observations.satellites, observations.signals, strict=True)]
-    is_stated = bool(is_finite.any())
-    title = "C/N0, dBHz, mean over antennas" if is_stated else "tracked channels: no C/N0 recorded"
+    has_cn0 = bool(is_finite.any())
+    title = "C/N0, dBHz, mean over antennas" if has_cn0 else "tracked channels: no C/N0 recorded"
     levels = [f"below {_LEVELS_DBHZ[0]:g}", *(f"{level:g}+" for level in _LEVELS_DBHZ)]
     colours = dict(zip(levels, CN0_COLOURS, strict=True))
     for first in range(0, len(shown), _MOST):
@@ -84,5 +84,5 @@ def _strengths(observations: Observations, time: Span) -> Iterator[Chart]:
 
 
 def _tracked(observations: Observations) -> BoolArray:
-    """Return which channels any antenna measured, (n, m)."""
+    """Select the channels that any antenna measured, (n, m)."""
     return np.asarray(np.isfinite(observations.code_m).any(axis=1))

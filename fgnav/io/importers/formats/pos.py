@@ -6,17 +6,16 @@ References
 """
 
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fgnav.checks import BadInputError, FloatArray, Unused
+from fgnav.checks import BadInputError, FloatArray
 from fgnav.geometry.earth import geodetic
 from fgnav.io.flight import columns as col
-from fgnav.io.flight.columns import vectors
+from fgnav.io.flight.columns import samples
 from fgnav.io.gps_time import WEEK_S
-from fgnav.io.importers.formats.text_columns import read_dates
+from fgnav.io.importers.formats.fields import Fields
+from fgnav.io.importers.formats.text_columns import complete_rows, read_dates
 from fgnav.io.importers.recording import ABOVE_SEA, Recording, unused_columns
 from fgnav.io.importers.settings import Settings
 from fgnav.io.tables import numbers
@@ -25,23 +24,32 @@ from fgnav.io.user_files import read_lines
 _DEGREES = ("latitude(deg)", "longitude(deg)", "height(m)")
 _MINUTES = ("latitude(d'\")", "longitude(d'\")")  # three words each
 _ECEF = ("x-ecef(m)", "y-ecef(m)", "z-ecef(m)")
-_SIGMA = ("sdn(m)", "sde(m)", "sdu(m)")
-_VELOCITY = ("vn(m/s)", "ve(m/s)", "vu(m/s)")
-_VELOCITY_SIGMA = ("sdvn", "sdve", "sdvu")
+_FIELDS = (
+    Fields("fixes", col.PLACE, _DEGREES),
+    Fields("fixes", col.POSITION_SIGMA, ("sdn(m)", "sde(m)", "sdu(m)")),
+    Fields("fixes", col.VELOCITY, ("vn(m/s)", "ve(m/s)", "vu(m/s)"), (1.0, 1.0, -1.0)),
+    Fields("fixes", col.VELOCITY_SIGMA, ("sdvn", "sdve", "sdvu")),
+)
 _LEAST_SIGMA = 5e-5  # RTKLIB prints four decimals: a zero is less than half the last
 _ZONES = {"GPST": "", "UTC": "Z", "JST": "+09:00"}
-_Texts: TypeAlias = dict[str, NDArray[np.str_]]
 _SEPARATORS = str.maketrans(",;\t", "   ")
 
 
 def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
-    """Read a solution: degrees, degrees and minutes, or ECEF; dates or week and seconds.
+    r"""Read a solution: degrees, degrees and minutes, or ECEF; dates or week and seconds.
 
     Rows of another number of columns, as of a cut line, are left out and counted, as are those in
     which something that is needed is no number.
+
+    Examples
+    --------
+    >>> head = "% GPST latitude(deg) longitude(deg) height(m) Q\n"
+    >>> _ = Path("a.pos").write_text(head + "2374 243258.500 40.0 -4.0 700.0 1\n")
+    >>> read_pos(Path("a.pos"), Settings(), Path()).gps_start_s
+    1436038458.5
     """
-    whole, lost = read_lines(path)
-    lines = [line.translate(_SEPARATORS) for line in whole]
+    text, lost = read_lines(path)
+    lines = [line.translate(_SEPARATORS) for line in text]
     head = next((line for line in lines if line.startswith("%") and "Q" in line.split()), "")
     names = head.lstrip("% ").split()
     if not names or names[0] not in _ZONES:
@@ -51,69 +59,62 @@ def read_pos(path: Path, _settings: Settings, _scratch: Path) -> Recording:
         )
     names = [w for n in names for w in ((n + "d", n + "m", n + "s") if n in _MINUTES else (n,))]
     rows = [line.split() for line in lines if line and line[0] != "%"]
-    complete = [row for row in rows if len(row) == len(names) + 1]  # a time has two words
-    if not complete:
+    cells, cut = complete_rows(path, rows, len(names) + 1)  # a time has two words
+    if not len(cells):
         rule = f"rows must have {len(names) + 1} columns, got {len(rows[0])}" if rows else ""
         raise BadInputError(f"{path}: {rule or 'holds no solution'}; take the file again")
-    columns: _Texts = dict(zip(names[1:], np.array(complete).T[2:], strict=True))
-    gps_s = _gps_seconds(path, complete, names[0])
-    fixes = vectors(col.PLACE, _place(path, columns))
-    if set(_SIGMA) <= set(columns):
-        fixes |= vectors(col.POSITION_SIGMA, np.maximum(_taken(columns, _SIGMA), _LEAST_SIGMA))
-    if set(_VELOCITY) <= set(columns):
-        fixes |= vectors(col.VELOCITY, _taken(columns, _VELOCITY) * [1.0, 1.0, -1.0])
-        if set(_VELOCITY_SIGMA) <= set(columns):
-            sigma_mps = np.maximum(_taken(columns, _VELOCITY_SIGMA), _LEAST_SIGMA)
-            fixes |= vectors(col.VELOCITY_SIGMA, sigma_mps)
-    first_s = gps_s[np.isfinite(gps_s)][:1].sum()
-    start_s = float(np.floor(first_s * 1e3) / 1e3)
-    above_sea = any("/geoidal" in line for line in lines if line.startswith("%"))
-    cut = Unused(
-        what=f"{path.name} row",
-        reason="has another number of columns: the file is cut or of mixed formats",
-        count=len(rows) - len(complete),
-    )
+    columns = {name: numbers(cells[:, k]) for k, name in enumerate(names[1:], 2)}
+    unused = _with_degrees(path, columns)
+    gps_s = _gps_seconds(path, cells[:, :2], names[0])
+    start_s = float(np.floor(gps_s[np.isfinite(gps_s)][:1].sum() * 1e3) / 1e3)
+    layout = [fields for fields in _FIELDS if set(fields.names) <= set(columns)]
+    for fields in layout[1:]:
+        if fields.columns in (col.POSITION_SIGMA, col.VELOCITY_SIGMA):
+            columns |= {name: np.maximum(columns[name], _LEAST_SIGMA) for name in fields.names}
+    unused -= {name for fields in layout for name in fields.names}
+    names = [name for name in names if name in unused]
     return Recording(
         source=path,
-        tables={"fixes": {"t_s": gps_s - start_s, **fixes}},
+        tables={
+            "fixes": samples(gps_s - start_s, *((f.columns, f.values(columns)) for f in layout))
+        },
         gps_start_s=start_s,
         unused=(
             lost,
             cut,
-            unused_columns(path, [*columns], len(complete), "the flight has none"),
+            unused_columns(path, names, len(cells), "the flight has none"),
         ),
-        notes={"fixes": ABOVE_SEA} if above_sea else {},
+        notes={"fixes": ABOVE_SEA}
+        if any("/geoidal" in line for line in lines if line.startswith("%"))
+        else {},
     )
 
 
-def _taken(columns: _Texts, names: tuple[str, ...]) -> FloatArray:
-    """Take columns out as numbers, (k, c), NaN of none; those that nobody needs stay texts."""
-    return numbers(np.array([columns.pop(name) for name in names])).T
+def _gps_seconds(path: Path, words: np.ndarray, system: str) -> FloatArray:
+    """Return (k,) seconds since 1980-01-06 of (k, 2) words of time."""
+    if "/" not in words[0, 0]:
+        return np.asarray(numbers(words) @ [WEEK_S, 1.0])
+    texts = np.array([f"{day} {time}{_ZONES[system]}" for day, time in words.tolist()])
+    return read_dates(path, texts)[0]
 
 
-def _gps_seconds(path: Path, rows: list[list[str]], system: str) -> FloatArray:
-    """Return (k,) seconds since 1980-01-06."""
-    if "/" not in rows[0][0]:
-        return np.asarray(numbers(np.array([row[:2] for row in rows])) @ [WEEK_S, 1.0])
-    gps_s, _ = read_dates(path, np.array([f"{row[0]} {row[1]}{_ZONES[system]}" for row in rows]))
-    return gps_s
-
-
-def _place(path: Path, columns: _Texts) -> FloatArray:
-    """Return (k, 3) latitude deg, longitude deg, height m."""
-    words = tuple(f"{name}{part}" for name in _MINUTES for part in "dms")
+def _with_degrees(path: Path, columns: dict[str, FloatArray]) -> set[str]:
+    """Add latitude, longitude and height to columns; return the names of the others."""
+    words = tuple(f"{name}{word}" for name in _MINUTES for word in "dms")
+    others = set(columns) - {*words, *_ECEF}
     if {*words, "height(m)"} <= set(columns):
-        parts = _taken(columns, words).reshape(-1, 2, 3)
-        size_deg = np.abs(parts) @ [1.0, 1 / 60, 1 / 3600]
-        place_deg = np.copysign(size_deg, parts[:, :, 0])  # -0 degrees are south or west
-        return np.column_stack([place_deg, _taken(columns, ("height(m)",))])
-    if set(_DEGREES) <= set(columns):
-        return _taken(columns, _DEGREES)
-    if set(_ECEF) <= set(columns):
-        place = geodetic(_taken(columns, _ECEF))
-        place[:, :2] = np.degrees(place[:, :2])
-        return place
-    raise BadInputError(
-        f"{path}: positions must be latitude(deg), longitude(deg), height(m) or x/y/z-ecef(m); set "
-        "out-solformat to llh or xyz"
-    )
+        angles = np.stack([columns[name] for name in words]).reshape(2, 3, -1)
+        size_deg = np.einsum("ijk,j->ik", np.abs(angles), [1.0, 1 / 60, 1 / 3600])
+        position = np.copysign(size_deg, angles[:, 0])  # -0 degrees are south or west
+    elif set(_ECEF) <= set(columns):
+        position = geodetic(np.stack([columns[name] for name in _ECEF], axis=1)).T
+        position[:2] = np.degrees(position[:2])
+    elif set(_DEGREES) <= set(columns):
+        return others
+    else:
+        raise BadInputError(
+            f"{path}: positions must be latitude(deg), longitude(deg), height(m) or x/y/z-ecef(m); "
+            "set out-solformat to llh or xyz"
+        )
+    columns |= dict(zip(_DEGREES, position, strict=False))
+    return others

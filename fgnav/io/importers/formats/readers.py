@@ -11,13 +11,7 @@ from fgnav.checks import BadInputError, FgnavError
 
 
 def reader(module: str, format: str) -> ModuleType:  # noqa: A002
-    """Return a third party's module.
-
-    Raises
-    ------
-    BadInputError
-        If it is not installed.
-    """
+    """Return a third party's module; the error of one that is not installed names the extra."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
@@ -28,14 +22,8 @@ def reader(module: str, format: str) -> ModuleType:  # noqa: A002
 
 
 @contextmanager
-def foreign(path: Path, format: str) -> Iterator[StringIO]:  # noqa: A002
-    """Yield what a third party's reader prints; whatever it raises is a damaged file.
-
-    Raises
-    ------
-    BadInputError
-        Naming the file.
-    """
+def guard_reading(path: Path, format: str) -> Iterator[StringIO]:  # noqa: A002
+    """Yield what a third party's reader prints; whatever it raises is a damaged file."""
     if not path.exists():
         raise BadInputError(f"{path}: no such file; check the name")
     output = StringIO()

@@ -12,47 +12,41 @@ References
 .. [2] ISO 2533, "Standard Atmosphere", 1975, sections 2 and 3.
 """
 
-from collections import Counter
-from operator import attrgetter
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, unused_of
+from fgnav.checks import BadInputError, unused_of
 from fgnav.io.flight import columns as col
-from fgnav.io.flight.columns import Samples, samples
 from fgnav.io.gps_time import gps_of_utc
-from fgnav.io.importers.formats.parts import Part, joined, xyz
-from fgnav.io.importers.formats.readers import foreign, reader
+from fgnav.io.importers.formats.fields import Counts, Fields, tables_of, xyz
+from fgnav.io.importers.formats.readers import guard_reading, reader
 from fgnav.io.importers.recording import Recording
 from fgnav.io.importers.settings import Settings
 from fgnav.progress import report
 
 _FLU_TO_FRD = (1.0, -1.0, -1.0)
-_TABLES = {
-    "imu": (
-        "sensor_msgs/msg/Imu",
-        [
-            Part(col.FORCE, xyz("linear_acceleration.{}", "xyz"), _FLU_TO_FRD),
-            Part(col.RATE, xyz("angular_velocity.{}", "xyz"), _FLU_TO_FRD),
-        ],
+_LAYOUT = {
+    "sensor_msgs/msg/Imu": (
+        Fields("imu", col.FORCE, xyz("linear_acceleration.{}", "xyz"), _FLU_TO_FRD),
+        Fields("imu", col.RATE, xyz("angular_velocity.{}", "xyz"), _FLU_TO_FRD),
     ),
-    "fixes": (
-        "sensor_msgs/msg/NavSatFix",
-        [
-            Part(col.PLACE, ("latitude", "longitude", "altitude")),
-            Part(col.POSITION_SIGMA, xyz("variance{}", (4, 0, 8))),  # of east, north, up
-        ],
+    "sensor_msgs/msg/NavSatFix": (
+        Fields("fixes", col.PLACE, ("latitude", "longitude", "altitude")),
+        Fields(  # of east, north, up
+            "fixes", col.POSITION_SIGMA, xyz("position_covariance.{}", (4, 0, 8)), is_variance=True
+        ),
     ),
-    "barometer": ("sensor_msgs/msg/FluidPressure", [Part(col.HEIGHT, ("fluid_pressure",))]),
-    "magnetometer": (
-        "sensor_msgs/msg/MagneticField",
-        [Part(col.FIELD, xyz("magnetic_field.{}", "xyz"), (1e6, -1e6, -1e6))],  # T
+    "sensor_msgs/msg/FluidPressure": (Fields("barometer", col.HEIGHT, ("fluid_pressure",)),),
+    "sensor_msgs/msg/MagneticField": (
+        Fields("magnetometer", col.FIELD, xyz("magnetic_field.{}", "xyz"), (1e6, -1e6, -1e6)),  # T
     ),
 }
-_TYPES = {kind: msgtype for kind, (msgtype, _) in _TABLES.items()}
-_AROUND = ("barometer", "magnetometer")
+_KINDS = {message: some[0].table for message, some in _LAYOUT.items()}
+_OPTIONAL = ("barometer", "magnetometer")
 _NOT_MEASURED = -1.0  # first element of a covariance, sensor_msgs/Imu
 _NO_FIX = -1  # of a status; less there is none
 _SEA_LEVEL_PA = 101_325.0  # ISO 2533
@@ -64,75 +58,87 @@ def read_bag(path: Path, settings: Settings, _: Path) -> Recording:
     """Read one topic of each type; the settings name it where there are several.
 
     Topics that are not used are counted with their reason.
+
+    Examples
+    --------
+    >>> list(read_bag(Path("drive.mcap"), Settings(), Path()).tables)  # doctest: +SKIP
+    ['imu', 'fixes']
     """
     highlevel = reader("rosbags.highlevel", "rosbag")
     typesys = reader("rosbags.typesys", "rosbag")
     types = typesys.get_typestore(typesys.Stores.LATEST)
-    counts, rows_by_kind = Counter[tuple[str, str]](), dict[str, list[Any]]()
-    with foreign(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
-        kinds = _chosen(path, bag, settings, counts)
-        chosen = [one for one in bag.connections if one.topic in kinds]
-        total = sum(one.msgcount for one in chosen)
-        for k, (where, at_ns, data) in enumerate(bag.messages(chosen) if chosen else ()):
+    counts, rows = Counts(), defaultdict[str, list[list[float]]](list)
+    with guard_reading(path, "a bag"), highlevel.AnyReader([path], default_typestore=types) as bag:
+        topics = _topics(path, bag, settings, counts)
+        chosen = [connection for connection in bag.connections if connection.topic in topics]
+        if not chosen:
+            held = sorted({connection.msgtype for connection in bag.connections})
+            raise BadInputError(
+                f"{path}: must hold messages of {', '.join(_LAYOUT)}, has "
+                f"{', '.join(held) or 'none'}; record those topics, or convert them"
+            )
+        total = sum(connection.msgcount for connection in chosen)
+        for k, (connection, at_ns, data) in enumerate(bag.messages(chosen)):
             report(k / max(total, 1))
-            message, kind = bag.deserialize(data, where.msgtype), kinds[where.topic]
-            if kind == "fixes" and message.status.status <= _NO_FIX:
+            message, kind = bag.deserialize(data, connection.msgtype), connection.msgtype
+            if _KINDS[kind] == "fixes" and message.status.status <= _NO_FIX:
                 counts["fix", "the receiver had none (status)"] += 1
                 continue
             stamp = message.header.stamp
             at_s = stamp.sec + 1e-9 * stamp.nanosec or 1e-9 * at_ns
-            row = [at_s, *(value for part in _TABLES[kind][1] for value in _values(message, part))]
-            rows_by_kind.setdefault(kind, []).append(row)
-        if not kinds:
-            held = sorted({one.msgtype for one in bag.connections})
-            raise BadInputError(
-                f"{path}: must hold messages of {', '.join(_TYPES.values())}, has "
-                f"{', '.join(held) or 'none'}; record those topics, or convert them"
-            )
-    rows = {kind: np.array(some) for kind, some in rows_by_kind.items()}
-    first_s = min((float(x[0, 0]) for x in rows.values()), default=0.0)
+            names = [name for fields in _LAYOUT[kind] for name in fields.names]
+            rows[kind].append([at_s, *(_value(message, name) for name in names)])
+    first_s = min((some[0][0] for some in rows.values()), default=0.0)
+    messages = {}
+    for kind, some in rows.items():
+        names = [name for fields in _LAYOUT[kind] for name in fields.names]
+        columns = dict(zip(("t_s", *names), np.array(some).T, strict=True))
+        messages[kind] = {**columns, "t_s": columns["t_s"] - first_s}
+    tables = tables_of(messages, _LAYOUT, counts)
+    if "barometer" in tables:
+        pressure = np.maximum(tables["barometer"]["height_m"], 0.0) / _SEA_LEVEL_PA
+        height_m = _SCALE_M * (1 - pressure**_EXPONENT)
+        tables["barometer"] = {**tables["barometer"], "height_m": height_m}
     start_s = float(gps_of_utc(np.array([first_s]))[0])
-    tables = {kind: _table(kind, x, first_s, counts) for kind, x in rows.items()}
     return Recording(source=path, tables=tables, gps_start_s=start_s, unused=unused_of(counts))
 
 
-def _chosen(
-    path: Path,
-    bag: Any,  # noqa: ANN401
-    settings: Settings,
-    lost: Counter[tuple[str, str]],
-) -> dict[str, str]:
-    """Return the kind of each topic that is read; count the messages of the others."""
-    names = {msgtype: kind for kind, msgtype in _TYPES.items()}
-    topics: dict[str, list[str]] = {kind: [] for kind in _TYPES}
-    reasons, counts = dict[str, str](), Counter[str]()
-    for one in sorted(bag.connections, key=lambda connection: connection.topic):
-        counts[one.topic] += one.msgcount
-        kind = names.get(one.msgtype)
+def _topics(path: Path, bag: Any, settings: Settings, counts: Counts) -> set[str]:  # noqa: ANN401
+    """Return the topics that are read; count the messages of the others."""
+    topics: dict[str, list[str]] = {kind: [] for kind in _KINDS.values()}
+    reasons = dict[str, str]()
+    for connection in sorted(bag.connections, key=lambda connection: connection.topic):
+        topic, kind = connection.topic, _KINDS.get(connection.msgtype)
         if kind is None:
-            reasons[one.topic] = f"{one.msgtype} is not read"
-        elif kind in _AROUND and getattr(settings, kind) is None:
-            reasons[one.topic] = f"[{kind}] of --settings does not state its noise ({path.name})"
-        elif kind == "imu" and _lacks_force(bag, one):
-            reasons[one.topic] = "has no specific force (covariance -1)"
-        elif one.topic not in topics[kind]:
-            topics[kind].append(one.topic)
-    kinds = dict[str, str]()
+            reasons[topic] = f"{connection.msgtype} is not read"
+        elif kind in _OPTIONAL and getattr(settings, kind) is None:
+            reasons[topic] = f"[{kind}] of --settings does not state its noise ({path.name})"
+        elif kind == "imu" and _lacks_force(bag, connection):
+            reasons[topic] = "has no specific force (covariance -1)"
+        elif topic not in topics[kind]:
+            topics[kind].append(topic)
     for kind, some in topics.items():
-        name = getattr(settings.ros, kind)
-        if name is None and len(some) > 1:
-            raise BadInputError(
-                f"{path}: has {len(some)} topics of {_TYPES[kind]}, {', '.join(some)}; name one as "
-                f"{kind} in [ros] of --settings"
-            )
-        if name is not None and name not in some:
-            raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(some)}")
-        kinds |= {topic: kind for topic in some if name in (None, topic)}
-        reasons |= {t: f"{name} is read as {kind}" for t in some if name not in (None, t)}
-    for topic, reason in reasons.items():
-        kind = names.get(bag.topics[topic].msgtype, "")
-        lost[f"{kind} row" if kind in _AROUND else f"{topic} message", reason] += counts[topic]
-    return kinds
+        name = _chosen(path, kind, some, getattr(settings.ros, kind))
+        reasons |= {topic: f"{name} is read as {kind}" for topic in some if topic != name}
+    for connection in bag.connections:
+        if reason := reasons.get(connection.topic):
+            kind = _KINDS.get(connection.msgtype, "")
+            what = f"{kind} row" if kind in _OPTIONAL else f"{connection.topic} message"
+            counts[what, reason] += connection.msgcount
+    return {topic for some in topics.values() for topic in some} - set(reasons)
+
+
+def _chosen(path: Path, kind: str, topics: Sequence[str], name: str | None) -> str | None:
+    """Return the topic of a kind that is read: the one that the settings name, or the only one."""
+    if name is None and len(topics) > 1:
+        message = next(message for message, table in _KINDS.items() if table == kind)
+        raise BadInputError(
+            f"{path}: has {len(topics)} topics of {message}, {', '.join(topics)}; name one as "
+            f"{kind} in [ros] of --settings"
+        )
+    if name is not None and name not in topics:
+        raise BadInputError(f"{path}: key ros.{kind}: {name!r} is not one of {', '.join(topics)}")
+    return name or next(iter(topics), None)
 
 
 def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401
@@ -144,29 +150,13 @@ def _lacks_force(bag: Any, connection: Any) -> bool:  # noqa: ANN401
     return bool(message.linear_acceleration_covariance[0] == _NOT_MEASURED)
 
 
-def _values(message: Any, part: Part) -> list[float]:  # noqa: ANN401  # made by rosbags
-    """Return what a message has of a part; NaN of what its covariance says is not there."""
-    if part.columns == col.POSITION_SIGMA:
-        is_stated = message.position_covariance_type != 0
-        return [message.position_covariance[k] if is_stated else np.nan for k in (4, 0, 8)]
-    covariance = getattr(message, f"{part.fields[0].partition('.')[0]}_covariance", (0.0,))
-    if covariance[0] == _NOT_MEASURED:
-        return [np.nan] * len(part.fields)
-    return [attrgetter(field)(message) for field in part.fields]
-
-
-def _table(kind: str, x: FloatArray, first_s: float, counts: Counter[tuple[str, str]]) -> Samples:
-    """Return the flight's columns of times and values, in the order of its parts."""
-    t_s, blocks = x[:, 0] - first_s, []
-    ends = np.cumsum([1, *(len(part.columns) for part in _TABLES[kind][1])])
-    for part, begin, end in zip(_TABLES[kind][1], ends, ends[1:], strict=False):
-        blocks.append((part.columns, x[:, begin:end] * part.unit))
-    if kind == "fixes":
-        (place, values), (sigma, variances) = blocks
-        stated = np.isfinite(variances).all(axis=1) & (variances > 0).all(axis=1)
-        sigmas = sigma, t_s[stated], np.sqrt(variances[stated])
-        return joined("fix", (place, t_s, values), [sigmas], counts)
-    if kind == "barometer":
-        pressure = np.maximum(x[:, 1:], 0.0) / _SEA_LEVEL_PA
-        return samples(t_s, (col.HEIGHT, _SCALE_M * (1 - pressure**_EXPONENT)))
-    return samples(t_s, *(one for one in blocks if not np.isnan(one[1]).all()))
+def _value(message: Any, name: str) -> float:  # noqa: ANN401  # made by rosbags
+    """Return the value of a field, NaN of what its covariance says is not there."""
+    field, _, inner = name.partition(".")
+    covariance = getattr(message, f"{field}_covariance", (0.0,))
+    if covariance[0] == _NOT_MEASURED or getattr(message, f"{field}_type", 1) == 0:
+        return np.nan
+    value = getattr(message, field)
+    if inner.isdigit():
+        return float(value[int(inner)])
+    return float(getattr(value, inner) if inner else value)

@@ -1,6 +1,7 @@
 """Messages of receivers' streams, of any protocol between any others, framed by their checksums.
 
 UBX, SBF, RTCM 3 and NMEA 0183, which libraries decode, and NovAtel's logs, binary and ASCII [1]_.
+Sentences without a checksum are taken where none of a stream has one.
 
 References
 ----------
@@ -21,7 +22,8 @@ from fgnav.io.gps_time import WEEK_S
 from fgnav.io.importers.formats.readers import reader
 from fgnav.io.tables import is_number
 
-_SENTENCE = re.compile(rb"\$([A-Z]{2}[A-Z0-9]*),([\x20-\x7e]*)\*([0-9A-Fa-f]{2})(?:\r?\n|$)")
+_SENTENCE = re.compile(rb"\$([A-Z]{2}[A-Z0-9]*,[\x20-\x7e]*)\*([0-9A-Fa-f]{2})(?:\r?\n|$)")
+_BARE_SENTENCE = re.compile(rb"\$([A-Z]{2}[A-Z0-9]*,[\x20-\x29\x2b-\x7e]*)\r?\n")
 _ASCII_LOG = re.compile(rb"[#%]([A-Z0-9]+A),[^\r\n*]*\*([0-9a-f]{8})(?:\r?\n|$)")
 _SYNC = re.compile(rb"\xb5\x62|\$@|\$[A-Z]|\xaa\x44[\x12\x13]|[#%][A-Z]|\xd3[\x00-\x03]")
 _LONGEST_LINE = 1000  # bytes
@@ -41,7 +43,7 @@ _NUMBERS = {name: number for number, (name, *_) in _LOGS.items()}
 
 
 class Message(NamedTuple):
-    """A message that its checksum has proved."""
+    """A message of a stream."""
 
     protocol: str  # ``ubx``, ``sbf``, ``novatel``, ``rtcm3``, ``nmea``
     number: int  # its kind; 0 of text
@@ -56,11 +58,9 @@ class Message(NamedTuple):
         if self.protocol == "sbf":
             names = reader("pysbf2", "sbf").SBF_MSGIDS
             return str(names.get(self.number, (f"SBF {self.number}",))[0])
-        if self.protocol == "nmea":
+        if not self.number:
             head = self.raw[1:].partition(b",")[0].decode()
-            return head if head.startswith("P") else head[-3:]
-        if self.protocol == "novatel" and not self.number:
-            return self.raw[1:].partition(b",")[0].decode()
+            return head[-3:] if self.protocol == "nmea" and head[0] != "P" else head
         if self.number in _LOGS and self.protocol == "novatel":
             return _LOGS[self.number][0]
         return f"{'NovAtel' if self.protocol == 'novatel' else 'RTCM'} {self.number}"
@@ -72,27 +72,38 @@ class Message(NamedTuple):
         if self.protocol == "sbf":
             return reader("pysbf2", "sbf").SBFReader.parse(self.raw)
         if self.protocol == "nmea":
-            return reader("pynmeagps", "nmea").NMEAReader.parse(self.raw)
+            sentence = self.raw.strip()
+            if not _SENTENCE.match(sentence):
+                sentence += b"*%02X" % _parity(sentence[1:])
+            return reader("pynmeagps", "nmea").NMEAReader.parse(sentence)
         return _log(self)
 
 
-def messages(content: bytes) -> Iterator[Message]:
+def messages(content: bytes) -> tuple[list[Message], int]:
+    """Return the whole messages of a stream, and how many sentences of them have no checksum."""
+    checked = list(_messages(content, _SENTENCE))
+    has_checksums = any(message.protocol == "nmea" for message in checked)
+    if has_checksums or not _BARE_SENTENCE.search(content):
+        return checked, 0
+    everything = list(_messages(content, _BARE_SENTENCE))
+    return everything, sum(message.protocol == "nmea" for message in everything)
+
+
+def _messages(content: bytes, sentence: re.Pattern[bytes]) -> Iterator[Message]:
     """Yield the whole messages of a stream; bytes between them are passed over."""
     at = 0
     while match := _SYNC.search(content, at):
         at = match.start()
-        message = _message(content, at, match[0])
-        if message is None:
-            at += 1
-        else:
+        is_text = match[0][:1] in b"$#%" and match[0] != b"$@"
+        line = content[at : at + _LONGEST_LINE]
+        message = _line(line, sentence) if is_text else _binary(content, at, match[0])
+        if message is not None:
             yield message
-            at += len(message.raw)
+        at += 1 if message is None else len(message.raw)
 
 
-def _message(content: bytes, at: int, sync: bytes) -> Message | None:
-    """Return the message that begins at a place, None where none does."""
-    if sync[:1] in b"$#%" and sync != b"$@":
-        return _line(content[at : at + _LONGEST_LINE])
+def _binary(content: bytes, at: int, sync: bytes) -> Message | None:
+    """Return the message in binary that begins at a place, None where none does."""
     head = content[at : at + 10].ljust(10, b"\0")
     size = {
         b"\xb5\x62": 8 + _short(head, 4),
@@ -114,6 +125,18 @@ def _message(content: bytes, at: int, sync: bytes) -> Message | None:
         return message if _crc32(raw[:-4]) == int.from_bytes(raw[-4:], "little") else None
     crc24 = reader("pyrtcm", "rtcm3").calc_crc24q
     return None if crc24(raw) else Message("rtcm3", int.from_bytes(raw[3:5], "big") >> 4, raw)
+
+
+def _line(content: bytes, sentence: re.Pattern[bytes]) -> Message | None:
+    """Return a sentence, or a log in ASCII."""
+    if (match := sentence.match(content)) is not None:
+        is_sound = match.re is _BARE_SENTENCE or _parity(match[1]) == int(match[2], 16)
+        return Message("nmea", 0, match[0]) if is_sound else None
+    if (match := _ASCII_LOG.match(content)) is not None:
+        body = match[0][1:].partition(b"*")[0]
+        number = _NUMBERS.get(match[1].decode()[:-1], 0)
+        return Message("novatel", number, match[0]) if _crc32(body) == int(match[2], 16) else None
+    return None
 
 
 def _log(message: Message) -> SimpleNamespace:
@@ -140,18 +163,6 @@ def _log(message: Message) -> SimpleNamespace:
     return log
 
 
-def _line(content: bytes) -> Message | None:
-    """Return a sentence, or a log in ASCII."""
-    if (match := _SENTENCE.match(content)) is not None:
-        total = np.bitwise_xor.reduce(np.frombuffer(match[1] + b"," + match[2], np.uint8))
-        return Message("nmea", 0, match[0]) if total == int(match[3], 16) else None
-    if (match := _ASCII_LOG.match(content)) is not None:
-        body = match[0][1:].partition(b"*")[0]
-        number = _NUMBERS.get(match[1].decode()[:-1], 0)
-        return Message("novatel", number, match[0]) if _crc32(body) == int(match[2], 16) else None
-    return None
-
-
 def _short(raw: bytes, at: int) -> int:
     return int.from_bytes(raw[at : at + 2], "little")
 
@@ -163,5 +174,10 @@ def _crc32(body: bytes) -> int:
 
 def _fletcher(body: bytes) -> bytes:
     """Return the checksum of u-blox's interface description, section 3.4."""
-    part = np.frombuffer(body, np.uint8).astype(np.int64)
-    return bytes((part.sum() & 255, (part * np.arange(len(part), 0, -1)).sum() & 255))
+    x = np.frombuffer(body, np.uint8).astype(np.int64)
+    return bytes((x.sum() & 255, (x * np.arange(len(x), 0, -1)).sum() & 255))
+
+
+def _parity(body: bytes) -> int:
+    """Return the checksum of NMEA 0183: exclusive or of all characters."""
+    return int(np.bitwise_xor.reduce(np.frombuffer(body, np.uint8)))

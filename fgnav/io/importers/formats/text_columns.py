@@ -5,17 +5,19 @@ start and stop. Empty cells are missing values. Columns that no ``[[csv]]`` name
 """
 
 import csv
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 
-from fgnav.checks import BadInputError, FloatArray, quoted, unused_of
+from fgnav.checks import BadInputError, FloatArray, Unused, quoted
 from fgnav.geometry.earth import Origin
 from fgnav.io.flight.columns import BASELINE, PLACE, Samples, vectors
+from fgnav.io.flight.keys import values_of
 from fgnav.io.flight.local_frame import place_of_n
+from fgnav.io.flight.toml import BarometerKeys as BarometerKeys
 from fgnav.io.flight.toml import ImuKeys, Place, gps_seconds
 from fgnav.io.gps_time import GPS_EPOCH, UNIX_OF_GPS_S, gps_of_utc
 from fgnav.io.importers.recording import ABOVE_SEA, Clock, Recording, unused_columns
@@ -23,8 +25,6 @@ from fgnav.io.importers.settings import UNITS, CsvTable, Settings
 from fgnav.io.tables import is_number, numbers
 from fgnav.io.user_files import plain_name, read_lines
 
-_ZONE = re.compile(r"(?:[Zz]|[ ]?UTC|[+-]\d\d(?::?\d\d)?)$")
-_DATE = re.compile(r"\d{4}[-/]\d\d?[-/]\d\d?")
 _GRAVITY = ", or gravity is not in it"
 _NOWHERE = Place(latitude_deg=45.0, longitude_deg=0.0, height_m=0.0)  # of middling gravity
 _LOCAL = (
@@ -42,85 +42,80 @@ _AXES = "no file states how the unit sits in the body; `fgnav check` says what x
 
 
 def read_csv(path: Path, settings: Settings, _: Path) -> Recording:
-    """Read the tables that the settings describe for this file, one or more.
+    r"""Read the tables that the settings describe for this file, one or more.
 
-    Raises
-    ------
-    BadInputError
-        If none is described, two are of one kind, their clocks differ, or the noise of an
-        instrument that is described is not stated.
+    Examples
+    --------
+    >>> _ = Path("height.csv").write_text("time,alt\n0,700\n1,701\n")
+    >>> table = CsvTable(table="barometer", columns={"t_s": "time", "height_m": "alt"})
+    >>> noise = BarometerKeys(noise_m=0.5, offset_m=30.0)
+    >>> recording = read_csv(Path("height.csv"), Settings(csv=(table,), barometer=noise), Path())
+    >>> recording.tables["barometer"]["height_m"].tolist()
+    [700.0, 701.0]
     """
-    described = [o for o in settings.csv if o.file is None or plain_name(o.file) == path.name]
-    kinds = [one.table for one in described]
+    described = [t for t in settings.csv if t.file is None or plain_name(t.file) == path.name]
+    kinds = [table.table for table in described]
     if not described or len(set(kinds)) < len(kinds):
         raise BadInputError(
             f"{path}: needs a [[csv]] for each of its tables in --settings, has "
             f"{', '.join(kinds) or 'none'}; `fgnav new` writes one to start from"
         )
-    stated = {"barometer": settings.barometer, "magnetometer": settings.magnetometer}
-    unstated = next((kind for kind in kinds if kind in stated and not stated[kind]), None)
-    if unstated is not None:
-        raise BadInputError(f"{path}: {unstated}: state its noise in [{unstated}] of --settings")
+    for kind in {"barometer", "magnetometer"} & set(kinds):
+        if getattr(settings, kind) is None:
+            raise BadInputError(f"{path}: {kind}: state its noise in [{kind}] of --settings")
     missing = {"imu.axes": _AXES} if "imu" in kinds and settings.imu == ImuKeys() else {}
     lines, lost = read_lines(path)
-    tables, counts = dict[str, Samples](), Counter[tuple[str, str]]()
-    clocks, unnamed = list[tuple[Clock, float]](), list[list[str]]()
+    tables, clocks = dict[str, Samples](), list[tuple[Clock, float]]()
+    cut, unnamed = lost, dict[str, None]()
     for table in described:
         cells, others, cut = _cells(path, lines[table.skip_lines :], table)
-        unnamed.append(others)
-        counts[f"{path.name} line", "has another number of columns"] = cut
+        unnamed = {name: None for name in others if not clocks or name in unnamed}
         clock, start_s, samples = _samples(path, table, cells)
         clocks.append((clock, start_s))
         if clock != clocks[0][0]:
             raise BadInputError(f"{path}: key csv.clock: must be the same of all its tables")
         if BASELINE[0] in samples:
-            samples = _placed(samples, settings)
+            samples = _placed(samples, settings.origin or _NOWHERE)
             missing |= {} if settings.origin else {"origin": _LOCAL}
         tables[table.table] = {**samples, "t_s": samples["t_s"] + (start_s - clocks[0][1])}
         missing |= _unconfirmed(path, table)
-    names = [name for name in unnamed[0] if all(name in others for others in unnamed)]
     count = max(len(rows["t_s"]) for rows in tables.values())
-    unused = (
-        *(lost, *unused_of(counts)),
-        unused_columns(path, names, count, "no [[csv]] names them"),
-    )
     return Recording(
         source=path,
         tables=tables,
         clock=clocks[0][0],
         gps_start_s=clocks[0][1],
-        unused=unused,
-        notes={"fixes": ABOVE_SEA} if any("height" in o.unconfirmed for o in described) else {},
+        unused=(
+            lost,
+            cut,
+            unused_columns(path, [*unnamed], count, "no [[csv]] names them"),
+        ),
+        notes={"fixes": ABOVE_SEA} if any("height" in t.unconfirmed for t in described) else {},
         missing=missing,
     )
 
 
-def _placed(rows: Samples, settings: Settings) -> Samples:
-    """Return fixes north, east, down of an origin with their places."""
-    at = settings.origin or _NOWHERE
-    angles = np.radians([at.latitude_deg, at.longitude_deg]).tolist()
-    origin = Origin(latitude_rad=angles[0], longitude_rad=angles[1], height_m=at.height_m)
-    place = place_of_n(origin, np.stack([rows[name] for name in BASELINE], axis=1))
+def _placed(rows: Samples, origin: Place) -> Samples:
+    """Return fixes north, east, down of an origin with their latitude, longitude and height."""
+    p_n_m = np.stack([rows[name] for name in BASELINE], axis=1)
     others = {name: column for name, column in rows.items() if name not in BASELINE}
-    return others | vectors(PLACE, place)
+    return others | vectors(PLACE, place_of_n(Origin(**values_of(origin, Origin)), p_n_m))
 
 
 def _unconfirmed(path: Path, table: CsvTable) -> dict[str, str]:
-    """Return what the user must confirm of a guessed table, by the key of flight.toml."""
+    """Return the doubts of a guessed table, by the key of flight.toml."""
     texts = []
     for kind in table.unconfirmed:
-        if kind == "height":
-            continue
-        if kind not in UNITS:
+        if kind in UNITS:
+            names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
+            usual = next(name for name, scale in UNITS[kind].items() if scale.factor == 1)
+            texts.append(
+                f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; "
+                f"{table.units.get(kind, usual)} was assumed; units are {', '.join(UNITS[kind])}: "
+                f"amend {kind} in units of [[csv]]"
+            )
+        elif kind != "height":
             texts.append(_DOUBTS[f"{table.clock} clock" if kind == "clock" else kind])
-            continue
-        names = ", ".join(name for name in table.columns if name.endswith(f"_{kind}"))
-        usual = next(unit for unit, one in UNITS[kind].items() if one.factor == 1)
-        assumed = table.units.get(kind, usual)
-        texts.append(
-            f"the unit of {names} is in doubt{_GRAVITY if kind == 'mps2' else ''}; {assumed} was "
-            f"assumed; units are {', '.join(UNITS[kind])}: amend {kind} in units of [[csv]]"
-        )
     again = "of import.toml, and import with --settings import.toml"
     return {f"{table.table}.samples": f"{path.name}: {'; '.join(texts)} {again}"} if texts else {}
 
@@ -156,58 +151,50 @@ def _samples(
 
 def _cells(
     path: Path, lines: Sequence[str], table: CsvTable
-) -> tuple[dict[str, np.ndarray], list[str], int]:
-    """Return texts of the columns that are used, names of the others, and how many lines are cut.
-
-    Texts are (k,) each.
-    """
+) -> tuple[dict[str, np.ndarray], list[str], Unused]:
+    """Return texts of the columns that are used, (k,), names of the others, and cut lines."""
     reader = csv.reader(lines, delimiter=table.delimiter, skipinitialspace=True)
     try:
         rows = list(reader)
     except csv.Error as error:
         raise BadInputError(f"{path}: line {reader.line_num}: {error}") from None
     head = [cell.strip() for cell in rows.pop(0)] if table.header and rows else []
-    width = usual_width(rows)
-    places = _places(path, table, head, width)
-    complete = [[row[k] for k in places] for row in rows if len(row) == width]
-    cut = sum(0 < len(row) != width for row in rows)
-    cells = np.array(complete, dtype=np.str_)
-    names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
-    unnamed = [name for k, name in enumerate(names) if k not in places]
-    return {name: cells[:, k] for k, name in enumerate(table.columns)}, unnamed, cut
-
-
-def usual_width(rows: Sequence[Sequence[str]]) -> int:
-    """Return how many columns most rows have; 0 without any."""
-    counts = Counter(len(row) for row in rows if row)
-    return max(counts, key=counts.__getitem__, default=0)
-
-
-def _places(path: Path, table: CsvTable, head: list[str], width: int) -> list[int]:
-    """Return where the columns are in a row."""
+    cells, cut = complete_rows(path, rows)
+    width = cells.shape[1]
     if not width:
         raise BadInputError(f"{path}: holds no row of numbers")
-    places = []
+    columns = []
     for name, column in table.columns.items():
-        if isinstance(column, int):
-            place = abs(column) - 1
-        else:
+        if isinstance(column, str):
             wanted = column if column in head else column.removeprefix("-")
-            place = head.index(wanted) if wanted in head else -1
-        if not 0 <= place < width:
+            columns.append(head.index(wanted) if wanted in head else -1)
+        else:
+            columns.append(abs(column) - 1)
+        if not 0 <= columns[-1] < width:
             has = ", ".join(head) if head else f"{width} columns without names"
             raise BadInputError(f"{path}: column {quoted(column)} of {name}: the file has {has}")
-        places.append(place)
-    return places
+    names = [head[k] if k < len(head) and head[k] else str(k + 1) for k in range(width)]
+    unnamed = [name for k, name in enumerate(names) if k not in columns]
+    return {name: cells[:, k] for k, name in zip(columns, table.columns, strict=True)}, unnamed, cut
+
+
+def complete_rows(
+    path: Path, rows: Sequence[Sequence[str]], width: int = 0
+) -> tuple[np.ndarray, Unused]:
+    """Return the cells, (k, c), of rows of a width, else of that of most; count the others."""
+    counts = Counter(len(row) for row in rows if row)
+    width = width or max(counts, key=counts.__getitem__, default=0)
+    complete = [row for row in rows if len(row) == width and row]
+    cells = np.array(complete, np.str_).reshape(len(complete), width)
+    reason = "has another number of columns: the file is cut, or of mixed formats"
+    count = counts.total() - counts[width]
+    return cells, Unused(what=f"{path.name} line", reason=reason, count=count)
 
 
 def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> FloatArray:
     """Return numbers in the flight's units, NaN of cells that are empty or none.
 
-    Raises
-    ------
-    BadInputError
-        If no cell is a number, or one would be with a decimal comma.
+    It is an error if no cell is a number, or one would be with a decimal comma.
     """
     texts = np.char.strip(cells)
     if table.decimal == ",":
@@ -215,29 +202,26 @@ def _numbers(path: Path, table: CsvTable, name: str, cells: np.ndarray) -> Float
     values = numbers(texts)
     others = [k for k in np.flatnonzero(np.isnan(values)) if texts[k] and not is_number(texts[k])]
     with_comma = [k for k in others if is_number(texts[k].replace(",", ".", 1))]
+    column = table.columns[name]
     if others and (with_comma or np.isnan(values).all()):
         row = (with_comma or others)[0]
         mend = '; write decimal = "," in [[csv]]' if with_comma else ""
         raise BadInputError(
-            f"{path}: row {row + 1} of the numbers: column {quoted(table.columns[name])} must be a "
+            f"{path}: row {row + 1} of the numbers: column {quoted(column)} must be a "
             f"number, got {quoted(str(cells[row]))}{mend}"
         )
     kind = name.rsplit("_", 1)[1]
-    unit = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
-    column = table.columns[name]
-    negative = column < 0 if isinstance(column, int) else column.startswith("-")
-    return values * (-unit if negative else unit)
+    factor = UNITS[kind][table.units[kind]].factor if kind in table.units else 1.0
+    return values * (-factor if str(column).startswith("-") else factor)
 
 
-def is_date(cell: str) -> bool:
-    """Return True if a cell begins with year, month and day."""
-    return _DATE.match(cell.strip()) is not None
-
-
-def time_zone(cell: str) -> str:
-    """Return the time zone that ends a date, ``Z`` or ``+02:00``; nothing where there is none."""
-    zone = _ZONE.search(cell.strip()[10:])
-    return zone[0].strip() if zone else ""
+def date_of(text: str) -> datetime | None:
+    """Return the date of a text such as ``2025/07/08 10:00:00.5 UTC``, None of others."""
+    text = text.strip().replace("/", "-").replace("z", "Z")
+    try:
+        return datetime.fromisoformat(f"{text[:-3].strip()}Z" if text.endswith("UTC") else text)
+    except ValueError:
+        return None
 
 
 def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[FloatArray, bool]:
@@ -245,37 +229,19 @@ def read_dates(path: Path, cells: np.ndarray, *, utc: bool = False) -> tuple[Flo
 
     Dates with a time zone are converted to UTC; others are GPS time unless ``utc``.
     """
-    texts = [cell.strip() for cell in cells.tolist()]
-    zones = [time_zone(text) for text in texts]
-    bare = [text.removesuffix(zone).strip() for text, zone in zip(texts, zones, strict=True)]
-    bare = [text.replace("/", "-").replace(" ", "T").replace(",", ".") for text in bare]
-    dates = _dates(bare)
-    if bare and np.isnat(dates).all():
+    dates = [date_of(text) for text in cells.tolist()]
+    if not any(dates):
         raise BadInputError(
-            f"{path}: dates must be like 2025-07-08 19:34:18.5, got {quoted(texts[0])}"
+            f"{path}: dates must be like 2025-07-08 19:34:18.5, got {quoted(str(cells[0]).strip())}"
         )
-    gps_s = (dates - GPS_EPOCH.astype("datetime64[ns]")) / np.timedelta64(1, "s")
-    if any(zones):
-        ahead = {zone: _ahead_s(zone) for zone in set(zones)}
-        gps_s = gps_s - np.array([ahead[zone] for zone in zones])
-    return (gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc or any(zones) else gps_s), any(zones)
-
-
-def _dates(texts: Sequence[str]) -> np.ndarray:
-    """Return dates, NaT of texts that are none."""
-    try:
-        return np.array(texts, dtype="datetime64[ns]")
-    except ValueError:
-        if len(texts) == 1:
-            return np.array(["NaT"], dtype="datetime64[ns]")
-        half = len(texts) // 2
-        return np.concatenate([_dates(texts[:half]), _dates(texts[half:])])
-
-
-def _ahead_s(zone: str) -> float:
-    """Return what local time is ahead of UTC."""
-    if zone[:1] not in ("+", "-"):
-        return 0.0
-    digits = zone[1:].replace(":", "")
-    size_s = 3600.0 * int(digits[:2]) + 60.0 * int(digits[2:] or "0")
-    return -size_s if zone[0] == "-" else size_s
+    epoch, second = GPS_EPOCH.item(), timedelta(seconds=1)
+    gps_s = np.array(
+        [
+            np.nan
+            if date is None
+            else (date.replace(tzinfo=None) - (date.utcoffset() or 0 * second) - epoch) / second
+            for date in dates
+        ]
+    )
+    zoned = any(date is not None and date.tzinfo is not None for date in dates)
+    return (gps_of_utc(gps_s + UNIX_OF_GPS_S) if utc or zoned else gps_s), zoned

@@ -22,7 +22,7 @@ from fgnav_models.training.order import markdown_table
 from fgnav_sim.data_sets.gravity import PHASES, GravityEpochs
 from fgnav_sim.data_sets.gravity_world import GravityWorld
 from fgnav_sim.scenario import FixesTable, load_scenario
-from fgnav_sim.simulate import simulate_many
+from fgnav_sim.simulate import simulate
 
 _CHUNK = 20_000  # windows answered at a time
 _LEAST = 100  # windows of a kind, below which its figures say nothing
@@ -168,7 +168,7 @@ def flown_scenario(name: str, count: int, seed: list[int]) -> list[Flight]:
     fixes = FixesTable(rate_hz=VELOCITY_HZ)
     scenario = msgspec.structs.replace(load_scenario(name), gnss=None, fixes=fixes)
     rngs = np.random.default_rng(seed).spawn(count)
-    return [flight.flight for flight in simulate_many(scenario, rngs)]
+    return [simulate(scenario, rng) for rng in rngs]
 
 
 def calibrated(calibration: dict[str, Calibration]) -> str:

@@ -15,7 +15,6 @@ from fgnav_sim.data_sets.epochs import array_epochs
 from fgnav_sim.data_sets.world import (
     AnySites,
     AnyTimes,
-    GivenArray,
     NoiseTable,
     OutliersTable,
     SatellitesTable,
@@ -90,7 +89,7 @@ def drawn_world(draw: Draw, rng: np.random.Generator) -> World:
         satellites=SatellitesTable(
             signals=signals, choose=max(2, total // len(signals)), pick="random", mask_deg=10.0
         ),
-        array=GivenArray(antennas_b_m=tuple(map(tuple, antennas_b_m.tolist()))),
+        antennas_b_m=tuple(map(tuple, antennas_b_m.tolist())),
         noise=NoiseTable(code_m=code_m, phase_m=phase_m, elevation_weights="sine"),
         outliers=OutliersTable(share=share, code_m=1.5 * worse, phase_m=0.015 * worse)
         if share > 0.0 and not clean

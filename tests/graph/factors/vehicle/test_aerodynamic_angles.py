@@ -12,9 +12,10 @@ from fgnav.io.flight.folder import load_flight, save_flight
 from fgnav.methods.closed_form import ClosedForm
 from fgnav.methods.smoother import Batch, Smoother
 from fgnav.types.vehicle import FinnedVehicle
+from fgnav_sim.gnss.tables import GnssTable
 from fgnav_sim.motion import Motion, Sine, Straight
-from fgnav_sim.scenario import FixesTable, GnssTable, ImuTable, Scenario, load_scenario
-from fgnav_sim.simulate import simulate, simulate_many
+from fgnav_sim.scenario import FixesTable, ImuTable, Scenario, load_scenario
+from fgnav_sim.simulate import simulate
 
 SWING_DEG = 8.0  # the largest of a drawn amplitude: sigma is that of its sine, over all draws
 
@@ -94,8 +95,8 @@ def test_fins_of_flown_bodies_are_stated_as_they_hold(name):
     flown = scenario.flown
     squares = []
     rngs = [np.random.default_rng([3, k]) for k in range(8)]
-    for one in simulate_many(scenario, rngs):
-        truth, fins = one.flight.truth, one.flight.vehicle
+    for flight in (simulate(scenario, rng) for rng in rngs):
+        truth, fins = flight.truth, flight.vehicle
         height_m = scenario.origin.height_m - truth.p_n_m[:, 2]
         air_n_mps = truth.v_n_mps.copy()
         for axis, column in enumerate((flown.wind.north_mps, flown.wind.east_mps)):

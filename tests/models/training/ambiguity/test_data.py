@@ -5,7 +5,7 @@ import pytest
 
 from fgnav.checks import BadInputError
 from fgnav_models.training.ambiguity.data import Data, Rows, Samples, Shuffled, draw, parts_of
-from fgnav_sim.data_sets.world import GivenArray, NoiseTable, RunsTable, SatellitesTable, World
+from fgnav_sim.data_sets.world import NoiseTable, RunsTable, SatellitesTable, World
 
 QUIET = World(noise=NoiseTable(code_m=1e-6, phase_m=1e-6), runs=RunsTable(epochs=4))
 INPUTS = ("range", "constellation")
@@ -73,8 +73,8 @@ def test_fewer_slots_than_wanted_are_padded_with_gaps():
 
 
 def test_integers_no_network_can_answer_are_counted():
-    long = GivenArray(antennas_b_m=((0.0, 0.0, 0.0), (5.0, 0.0, 0.0)))
-    world = World(array=long, noise=QUIET.noise)
+    long = ((0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
+    world = World(antennas_b_m=long, noise=QUIET.noise)
     samples = drawn(world)
     assert samples.unused[0].count == (~samples.is_present).sum() > 0
     assert "beyond 16" in samples.unused[0].reason

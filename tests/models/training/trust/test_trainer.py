@@ -54,7 +54,7 @@ def test_drawn_worlds_keep_to_their_ranges_and_differ():
     signals = ({"G": ("1C", "5Q"), "E": ("1C",)},)
     draw = Draw(arrays=1, epochs=1, signals=signals, satellites=(6, 24), antennas=(2, 8))
     worlds = [drawn_world(draw, np.random.default_rng(k)) for k in range(200)]
-    assert {len(world.array.antennas_b_m) for world in worlds} == set(range(2, 9))
+    assert {len(world.antennas_b_m) for world in worlds} == set(range(2, 9))
     chosen = {world.satellites.choose for world in worlds}
     assert chosen == set(range(3, 13))
     shares = [world.outliers.share for world in worlds if world.outliers]

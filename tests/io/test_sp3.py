@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from fgnav.checks import BadInputError
-from fgnav.io.sp3.reader import read_precise
-from fgnav.io.sp3.writer import write_precise
+from fgnav.io.sp3 import read_precise, write_precise
 from fgnav.types.orbits import PreciseOrbits
 
 START_GPS_S = 1_277_078_400.0  # 2020-06-25

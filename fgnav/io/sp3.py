@@ -1,4 +1,4 @@
-"""Precise orbits and clocks in SP3-a, -b, -c and -d format [1]_.
+"""Precise orbits and clocks in SP3 files [1]_: -a, -b, -c and -d are read, -d is written.
 
 Records and epochs that break a rule are left out and counted.
 
@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from fgnav.checks import BadInputError, BoolArray, FloatArray, quoted, unused_of
-from fgnav.io.gps_time import SCALES, date_to_gps_s, gps_of
+from fgnav.io.gps_time import SCALES, WEEK_S, date_to_gps_s, gps_of, gps_s_to_date
 from fgnav.io.rinex.constellations import CONSTELLATIONS, USED
 from fgnav.io.rinex.text import read_text
 from fgnav.io.tables import increasing, numbers
 from fgnav.types.orbits import PreciseOrbits
 
-_NO_CLOCK_US = 999_999.0
+_NO_CLOCK_US = 999_999.999999
 _WIDTH = 60  # columns of a position record that are read
 _LOW = "L"  # satellites in low orbits, by names of their own
 
@@ -28,28 +28,18 @@ _LOW = "L"  # satellites in low orbits, by names of their own
 def read_precise(paths: Sequence[Path], start_gps_s: float) -> PreciseOrbits:
     """Read precise orbits and clocks of one or several days.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        SP3 files, plain or packed.
-    start_gps_s : float
-        GPS time of ``t_s = 0``.
+    GPS, Galileo, BeiDou, QZSS and GLONASS. An epoch that two files share is taken from the earlier
+    one; that, other constellations and velocities are counted as unused.
 
-    Returns
-    -------
-    PreciseOrbits
-        GPS, Galileo, BeiDou, QZSS and GLONASS. An epoch that two files share is taken from the
-        earlier one; that, other constellations and velocities are counted as unused.
-
-    Raises
-    ------
-    BadInputError
-        If a header breaks a rule, or no record is whole.
+    Examples
+    --------
+    >>> read_precise([Path("igs.sp3")], 1_277_078_400.0).satellites
+    ('E07', 'G05')
     """
     if not paths:
         raise BadInputError("orbits: must name a file, the list is empty")
     files = [(path.name, *_read(path, start_gps_s)) for path in paths]
-    files.sort(key=lambda one: float(one[1].t_s[0]))
+    files.sort(key=lambda file: float(file[1].t_s[0]))
     satellites = sorted({satellite for _, file, _ in files for satellite in file.satellites})
     parts, counts, end_s = list[tuple[FloatArray, ...]](), Counter[tuple[str, str]](), -np.inf
     for name, file, lost in files:
@@ -81,25 +71,27 @@ def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[
     t_s = gps_of(dates_s, scale) - start_gps_s
     good = np.isfinite(t_s)
     good[good] = increasing(t_s[good])
-    row = np.searchsorted(epochs, records) - 1
-    values, whole = _numbers([lines[k] for k in records.tolist()])
+    epoch = np.searchsorted(epochs, records) - 1
+    values, is_whole = _numbers([lines[k] for k in records.tolist()])
     number = {name: k for k, name in enumerate(satellites)}
     column = np.array([number.get(_name(lines[k][1:4]), -1) for k in records.tolist()], np.int64)
-    whole &= (column >= 0) & (row >= 0)
-    _, first = np.unique(row[whole] * len(satellites) + column[whole], return_index=True)
-    whole[np.delete(np.flatnonzero(whole), first)] = False  # the first of equal ones counts
-    usable = whole & good[np.maximum(row, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
+    is_whole &= (column >= 0) & (epoch >= 0)
+    _, first = np.unique(epoch[is_whole] * len(satellites) + column[is_whole], return_index=True)
+    is_whole[np.delete(np.flatnonzero(is_whole), first)] = False  # the first of equal ones counts
+    usable = (
+        is_whole & good[np.maximum(epoch, 0)] if len(epochs) else np.zeros(len(records), np.bool_)
+    )
     if not usable.any():
         raise BadInputError(
             f"{path}: must hold a position of a satellite, has none; fetch it again"
         )
     x = np.full((len(epochs), len(satellites), 4), np.nan)
-    x[row[usable], column[usable]] = values[usable]
+    x[epoch[usable], column[usable]] = values[usable]
     x[(x[..., :3] == 0).all(axis=-1), :3] = np.nan
-    x[np.abs(x[..., 3]) >= _NO_CLOCK_US, 3] = np.nan
+    x[np.abs(x[..., 3]) >= np.floor(_NO_CLOCK_US), 3] = np.nan
     counts = Counter[tuple[str, str]]()
     reason = "no four numbers with six decimals, or no satellite of the header, or twice"
-    counts[f"{path.name} record", reason] = int((~whole).sum())
+    counts[f"{path.name} record", reason] = int((~is_whole).sum())
     reason = "an epoch has fewer than the header has satellites"
     counts[f"{path.name} record", reason] = max(x[..., 0].size - len(records), 0)
     counts[f"{path.name} epoch", "no date, or not later than all before"] = int((~good).sum())
@@ -125,7 +117,8 @@ def _read(path: Path, start_gps_s: float) -> tuple[PreciseOrbits, Counter[tuple[
 def _header(path: Path, lines: list[str]) -> tuple[tuple[str, ...], int, str]:
     """Return satellites, number of epochs, and the time scale."""
     first = lines[0]
-    if first[:2] not in ("#a", "#b", "#c", "#d") or first[2:3] not in ("P", "V"):
+    is_first = first[:2] in ("#a", "#b", "#c", "#d", "# ") and first[2:3] in ("P", "V", " ")
+    if not is_first:  # files of before 1993 leave letter and kind out
         raise BadInputError(f"{path}: line 1: must start with #a to #d, got {quoted(first[:12])}")
     listed = [line for line in lines if line.startswith("+ ")]
     names = "".join(line[9:60].ljust(51) for line in listed)
@@ -163,5 +156,57 @@ def _numbers(lines: Sequence[str]) -> tuple[FloatArray, BoolArray]:
     # Six decimals at fixed columns: a shifted or shortened number would parse to another value.
     letters = fields.view("S1").reshape(len(fields), 4, 14)
     digits = np.char.isdigit(letters[:, :, [6, 8, 13]]).all(axis=(1, 2))
-    whole = np.isfinite(values).all(axis=1) & (letters[:, :, 7] == b".").all(axis=1) & digits
-    return values, whole
+    is_whole = np.isfinite(values).all(axis=1) & (letters[:, :, 7] == b".").all(axis=1) & digits
+    return values, is_whole
+
+
+def write_precise(path: Path, orbits: PreciseOrbits, *, start_gps_s: float) -> None:
+    """Write precise orbits: millimetres and picoseconds.
+
+    Examples
+    --------
+    >>> p_e_m = np.full((1, 1, 3), 1.5e7)
+    >>> orbits = PreciseOrbits(
+    ...     t_s=np.zeros(1), satellites=("G01",), p_e_m=p_e_m, clock_s=np.zeros((1, 1))
+    ... )
+    >>> write_precise(Path("one.sp3"), orbits, start_gps_s=1_277_078_400.0)
+    >>> Path("one.sp3").read_text().splitlines()[-2]
+    'PG01  15000.000000  15000.000000  15000.000000      0.000000'
+    """
+    gps_s = start_gps_s + orbits.t_s
+    names = list(orbits.satellites)
+    step_s = float(np.median(np.diff(gps_s))) if len(gps_s) > 1 else 0.0
+    week, second = divmod(gps_s[0], WEEK_S)
+    day = int(gps_s[0] // 86_400)
+    modified_julian = 44_244 + day  # MJD of 1980-01-06
+    lines = [
+        f"#dP{_date(gps_s[0])} {len(gps_s):7d} ORBIT IGS14 FIT FGNV",
+        f"## {int(week):4d} {second:15.8f} {step_s:14.8f} {modified_julian:5d} "
+        f"{gps_s[0] / 86_400 - day:15.13f}",
+    ]
+    padded = names + ["  0"] * (max(85, -(-len(names) // 17) * 17) - len(names))
+    for k in range(0, len(padded), 17):
+        count = f"{len(names):3d}" if k == 0 else "   "
+        lines.append(f"+  {count}   " + "".join(padded[k : k + 17]))
+    lines += ["++       " + "  0" * 17] * (len(padded) // 17)
+    lines += ["%c M  cc GPS ccc cccc cccc cccc cccc ccccc ccccc ccccc ccccc"]
+    lines += ["%c cc cc ccc ccc cccc cccc cccc cccc ccccc ccccc ccccc ccccc"]
+    km, clock_us = np.nan_to_num(orbits.p_e_m / 1e3), orbits.clock_s * 1e6
+    clock_us = np.where(np.isfinite(clock_us), clock_us, _NO_CLOCK_US)
+    for k, moment in enumerate(gps_s):
+        lines.append(f"*  {_date(moment)}")
+        lines += [
+            f"P{name}{x:14.6f}{y:14.6f}{z:14.6f}{clock:14.6f}"
+            for name, (x, y, z), clock in zip(
+                names, km[k].tolist(), clock_us[k].tolist(), strict=True
+            )
+        ]
+    path.write_text("\n".join([*lines, "EOF"]) + "\n", encoding="ascii")
+
+
+def _date(gps_s: float) -> str:
+    """Return year, month, day, hour, minute, second in SP3's columns."""
+    whole_s, microseconds = divmod(round(gps_s * 1e6), 1_000_000)
+    year, month, day, hour, minute, second = gps_s_to_date(whole_s)
+    date = f"{year:4d} {month:2d} {day:2d} {hour:2d} {minute:2d}"
+    return f"{date} {second + microseconds / 1e6:11.8f}"

@@ -1,1 +1,0 @@
-"""Precise orbits and clocks in SP3 files: read and written."""
