@@ -32,7 +32,6 @@ class PreparedFlight:
 
     problem: Problem
     imu: Imu
-    earth_rate_n_radps: FloatArray  # (3,)
     epochs: int  # GNSS epochs of the flight, and times between them that are far apart
     integers: Integers | None
     unused: tuple[Unused, ...]

@@ -114,7 +114,6 @@ def build_problem(
         problem=until_motion(problem, stage, track, flight.initial),
         opening=open_heading(problem, stage, track, flight.initial),
         imu=stage.record.imu,
-        earth_rate_n_radps=earth,
         epochs=stage.epochs,
         integers=stage.start.integers,
         unused=(*_all(reports, "unused"), *repeated),

@@ -58,13 +58,6 @@ def test_attitude_errors_meet_their_covariance(flight, estimate):
     assert nees.mean() == pytest.approx(3.0, abs=5 * np.sqrt(6 / len(nees)))
 
 
-def test_position_comes_with_its_covariance(flight, estimate):
-    row = np.searchsorted(flight.truth.t_s, estimate.t_s - 1e-6)
-    error_m = estimate.p_n_m - flight.truth.p_n_m[row]
-    sigma_m = np.sqrt(np.diagonal(estimate.position_covariance_m2, axis1=1, axis2=2))
-    assert (np.abs(error_m) < 6 * sigma_m).all()
-
-
 def test_it_keeps_its_own_integers_when_made_by_name(flight):
     method = method_named("rtk", Truth())
     estimate = method(flight)

@@ -8,7 +8,6 @@ import pytest
 from fgnav.assembly.calibration_request import (
     calibration_requests,
     mean_rate,
-    of_vehicle,
     with_landmark,
 )
 from fgnav.assembly.sensors.instruments import gravity_sensor, line_of_sight
@@ -196,7 +195,7 @@ def test_a_stream_estimates_constants_as_the_window_does(surrounded):
     heights, offset = height_sensor(*at, heights_m)
     field, iron = field_sensor(MAGNETOMETER, np.where(seen[:, None], field_b_ut, nothing))
     sight = line_of_sight(Directions.isotropic(np.where(seen[:, None], e_b, nothing), SIGHT_RAD))
-    asked = tuple(of_vehicle(word) for word in calibration_requests(ASKED))
+    asked = tuple(part for word in calibration_requests(ASKED) for part in word.parameters())
     parts = (*with_landmark(asked, LANDMARK_N_M), offset, iron)
     window = solve_fixed_lag(with_sensors(case, (sight, heights, field), parts), 2.0)
     left = [part for part in (*left, stream.flush()) if len(part.t_s)]

@@ -11,8 +11,8 @@ from fgnav.graph.types.parameters import flight_constant
 from fgnav.graph.types.problem import Problem
 from fgnav.graph.types.solution import Solution
 from fgnav.graph.types.states import States
-from fgnav.solve.batch import minimum, solve_batch
-from tests.solve.flights import flight, flight_graph, sigmas_apart
+from fgnav.solve.batch import solve_batch
+from tests.solve.flights import flight, flight_graph
 
 
 def _dense(
@@ -76,14 +76,3 @@ def test_batch_is_the_least_cost_with_its_covariances(gyroscope: bool, is_far: b
     graph = flight_graph(problem, solution.states, own)
     cost = 2 * graph.error(flight_values(problem, solution.states))
     np.testing.assert_allclose(solution.cost, cost, rtol=1e-6)
-
-
-def test_batch_begun_far_off_ends_in_the_same_minimum() -> None:
-    problem, _ = flight(2.0)
-    near = solve_batch(problem)
-    rng = np.random.default_rng(3)
-    steps = rng.normal(size=(21, 21)) * np.r_[np.full(3, 0.3), np.full(6, 3.0), np.full(12, 0.3)]
-    far = near.states.moved(steps, np.zeros(3))
-    again = minimum(problem, begin=far).solution
-    assert again.converged
-    assert sigmas_apart(near, again) < 0.05

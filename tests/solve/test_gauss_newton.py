@@ -24,31 +24,6 @@ def test_gradient_of_the_dense_cost_vanishes_at_the_solution(aux, b):
     assert solution.cost == pytest.approx(cost, abs=1e-4)
 
 
-@pytest.mark.parametrize(("aux", "b"), CASES)
-def test_covariances_are_blocks_of_the_dense_inverse(aux, b):
-    problem = random_problem(12, aux, b)
-    solution = gauss_newton(problem).solution
-    D = 9 + aux
-    P = np.linalg.inv(dense(problem, solution.states)[0])
-    scale = np.sqrt(np.diag(P))
-    P, n = P / np.outer(scale, scale), 12
-    for k in range(n):
-        own = slice(k * D, k * D + D)
-        unit = scale[own]
-        covariance = solution.covariance[k] / np.outer(unit, unit)
-        # Linearised a hundredth of a sigma away, at most.
-        np.testing.assert_allclose(covariance, P[own, own], rtol=0, atol=1e-3)
-        shared = scale[n * D :]
-        beside = solution.constant_cross[k] / np.outer(unit, shared)
-        np.testing.assert_allclose(beside, P[own, n * D :], rtol=0, atol=1e-3)
-        of_constants = solution.constant_covariance[k] / np.outer(shared, shared)
-        np.testing.assert_allclose(of_constants, P[n * D :, n * D :], rtol=0, atol=1e-3)
-        if k + 1 < n:
-            after = slice(k * D + D, k * D + 2 * D)
-            cross = solution.cross[k] / np.outer(unit, scale[after])
-            np.testing.assert_allclose(cross, P[own, after], rtol=0, atol=1e-3)
-
-
 def test_a_far_beginning_ends_in_the_same_minimum():
     problem = random_problem(30, 6, 2, turn_rad=0.5)
     near = gauss_newton(problem).solution

@@ -41,25 +41,6 @@ _COARSE_STEPS = 10  # of an interval, where only covariances are wanted
 _WIDTH = AUX + GYROSCOPE_AUX
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Store:
-    """Preintegrated measurements by interval, and GTSAM's parameters.
-
-    What is released is made again about the same biases, to the last bit the same.
-    """
-
-    biases: FloatArray  # (n - 1, 6); NaN where none are
-    sums: dict[int, gtsam.PreintegratedCombinedMeasurementsG] = field(default_factory=dict)
-    parameters: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
-        default_factory=dict
-    )
-
-    @classmethod
-    def empty(cls, count: int) -> "_Store":
-        """Return room for so many intervals."""
-        return cls(np.full((count, GYROSCOPE_AUX), np.nan))
-
-
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Inertial:
     """The motion between n keyframes of a flight with a gyroscope."""
@@ -75,7 +56,16 @@ class Inertial:
     # By how much both biases vary in each interval beside their walks, (m/s2)^2/s, (rad/s)^2/s.
     bias_steps: FloatArray | None = None  # (n - 1, 6)
     _increments: Increments = field(init=False, repr=False)
-    _store: _Store = field(init=False, repr=False)
+    # Biases about which intervals are preintegrated, (n - 1, 6), NaN before that; what is released
+    # is made again about the same ones, to the last bit the same. GTSAM's parameters by what is in
+    # them.
+    _biases: FloatArray = field(init=False, repr=False)
+    _preintegrated: dict[int, gtsam.PreintegratedCombinedMeasurementsG] = field(
+        init=False, repr=False, default_factory=dict
+    )
+    _made: dict[tuple[float, ...], gtsam.PreintegrationCombinedParams] = field(
+        init=False, repr=False, default_factory=dict
+    )
 
     def __post_init__(self) -> None:
         """Check shapes and cut the samples.
@@ -96,7 +86,7 @@ class Inertial:
         }
         check_shapes("inertial", self, shapes)
         object.__setattr__(self, "_increments", increments(self.imu, self.t_s, self.sub_steps))
-        object.__setattr__(self, "_store", _Store.empty(n - 1))
+        object.__setattr__(self, "_biases", np.full((n - 1, GYROSCOPE_AUX), np.nan))
 
     @property
     def aux(self) -> int:
@@ -188,9 +178,8 @@ class Inertial:
 
     def release(self, before: int) -> None:
         """Keep nothing large of the intervals before one, whose keyframes have left a window."""
-        sums = self._store.sums
-        for k in [k for k in sums if k < before]:
-            del sums[k]
+        for k in [k for k in self._preintegrated if k < before]:
+            del self._preintegrated[k]
 
     def noise_parts(self, of: slice = EVERY) -> NoiseParts:
         """Compute the shares of the noises in the covariance of the whitened rows.
@@ -221,7 +210,7 @@ class Inertial:
             if not of_imu[i]:
                 parts[i, -1] = np.eye(_WIDTH)
                 continue
-            about = np.nan_to_num(self._store.biases[k])
+            about = np.nan_to_num(self._biases[k])
             model = self._factor(k, 0, 1, about).noiseModel()
             white = cast("gtsam.noiseModel.Gaussian", model).R()
             for c, noises in enumerate(one_each):
@@ -247,7 +236,7 @@ class Inertial:
 
         Near enough for a linear correction; that for the accelerometer's bias alone is exact.
         """
-        about, sums = self._store.biases, self._store.sums
+        about, sums = self._biases, self._preintegrated
         span_s = self.t_s[k + 1] - self.t_s[k]
         if not np.abs(biases[3:] - about[k, 3:]).max() * span_s < TURNED_RAD:
             about[k] = biases
@@ -284,7 +273,7 @@ class Inertial:
         """
         gravity = np.round(self.gravity_n_mps2[k], _GRAVITY_DIGITS)
         name = (*gravity.tolist(), accelerometer, gyroscope, *walks.tolist(), integration)
-        if name not in self._store.parameters:
+        if name not in self._made:
             made = gtsam.PreintegrationCombinedParams(gravity)
             made.setOmegaCoriolis(self.earth_rate_n_radps)
             made.setAccelerometerCovariance(np.eye(3) * accelerometer)
@@ -292,8 +281,8 @@ class Inertial:
             made.setIntegrationCovariance(np.eye(3) * integration)
             made.setBiasAccCovariance(np.diag(walks[:3]))
             made.setBiasOmegaCovariance(np.diag(walks[3:]))
-            self._store.parameters[name] = made
-        return self._store.parameters[name]
+            self._made[name] = made
+        return self._made[name]
 
 
 def _values(before: States, after: States) -> gtsam.Values:

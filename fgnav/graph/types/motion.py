@@ -1,13 +1,12 @@
 """Motion between keyframes, with or without a gyroscope."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
+
+import gtsam
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.states import States
 from fgnav.types.flight import Imu
-
-if TYPE_CHECKING:
-    import gtsam
 
 
 class LinearisedMotion(NamedTuple):
@@ -87,7 +86,7 @@ class Motion(Protocol):
 
     def factors(
         self, k: int, key_before: int, key_after: int, about: States
-    ) -> "tuple[gtsam.NonlinearFactor, ...]":
+    ) -> tuple[gtsam.NonlinearFactor, ...]:
         """Return interval k as GTSAM's factors between two keyframes, about one state, row 0."""
         ...
 

@@ -1,13 +1,12 @@
 """Interface of a sensor: whitened residuals, Jacobians and GTSAM's factors."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self
+
+import gtsam
 
 from fgnav.checks import FloatArray, IntArray
 from fgnav.graph.types.parameters import Parameters
 from fgnav.graph.types.states import States
-
-if TYPE_CHECKING:
-    import gtsam
 
 
 class Linearised(NamedTuple):
@@ -67,7 +66,7 @@ class Sensor(Protocol):
         """
         ...
 
-    def factor(self, i: int, key: int) -> "gtsam.NonlinearFactor":
+    def factor(self, i: int, key: int) -> gtsam.NonlinearFactor:
         """Return measurement i as GTSAM's factor of keyframe ``key``."""
         ...
 
