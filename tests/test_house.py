@@ -17,9 +17,9 @@ FILES = [file for package in PACKAGES for file in package.rglob("*.py")]
 FULL = 12  # files of a room, its __init__ aside
 # Words of no textbook in names, and how many of these are still to be renamed.
 COUNTS = (
-    "one 120, row 120, part 86, turn 65, unit 63, place 56, stated 42, least 41, freedom 37, aux "
-    "33, known 28, opening 25, found 21, seen 20, own 19, whole 18, places 17, lasting 17, rest "
-    "16, turned 15, late 14, judged 14, refused 14, off 13, apart 12, tag 10, stretch 7, carried "
+    "row 120, one 115, part 84, turn 65, unit 63, place 56, stated 42, least 41, freedom 37, aux "
+    "33, known 28, opening 25, seen 20, found 18, own 18, whole 18, places 17, lasting 16, rest "
+    "16, turned 15, late 14, refused 14, off 13, judged 12, apart 12, tag 10, stretch 7, carried "
     "6, fewest 6, swing 5, turning 5, votes 5, there 5, enough 4, room 4, led 4, asked 4, entering "
     "2, beside 2, which 1, believed 1, said 1, leaning 1"
 )
@@ -29,7 +29,7 @@ VAGUE = (
     r"Return (what|which|how|whether|it|them|the same|some|as)\b"
     r"|(What|Who|Where|How|When|Whether)\b"
 )
-VAGUE_COUNT = 41
+VAGUE_COUNT = 40
 
 
 @cache
