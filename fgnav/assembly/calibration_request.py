@@ -197,7 +197,7 @@ def timestamp_offset(
 
 
 def propagation_span_s(requests: tuple[CalibrationRequest, ...]) -> float:
-    """Return how far back states are propagated to velocities that are late."""
+    """Return the time over which states are propagated back to delayed velocities."""
     return max(
         (FORCE_SPAN_S, *(request.start for request in requests if request.kind == "velocity-delay"))
     )

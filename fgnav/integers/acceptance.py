@@ -1,4 +1,4 @@
-"""What is accepted of a search, and the account of what is not."""
+"""Acceptance of a search's integers, and the account of those refused."""
 
 from collections.abc import Mapping
 
@@ -55,7 +55,7 @@ def share_threshold(
 
 
 def share_so_far(wrong_probability: FloatArray, wrong_max: float) -> BoolArray:
-    """Return which epochs, (n,), are accepted by the ``share_threshold`` of those up to each.
+    """Return the mask, (n,), of epochs accepted by the ``share_threshold`` of those up to each.
 
     An epoch is judged as if the flight ended with it: it is accepted where the mean probability of
     all epochs so far that are no more likely wrong is at most the share asked for.

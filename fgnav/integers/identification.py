@@ -38,13 +38,13 @@ class Solution(Protocol):
     """Epochs solved by least squares, whose links can be left out."""
 
     def fails(self) -> BoolArray:
-        """Return which epochs fail the chi-square test of their residuals, (n,)."""
+        """Return the mask of epochs that fail the chi-square test of their residuals, (n,)."""
 
     def w_tests(self, rows: IntArray) -> FloatArray:
         """Return the squared w-test of each link of some epochs, (k, b + 1, m)."""
 
     def without(self, rows: IntArray, links: BoolArray) -> Self:
-        """Return the same, some epochs solved without links, (k, b + 1, m), and no others."""
+        """Return a copy, some epochs solved without links, (k, b + 1, m), and no others."""
 
 
 Solved = TypeVar("Solved", bound=Solution)

@@ -124,7 +124,7 @@ def validated(
     *,
     causal: bool = False,
 ) -> ValidatedArray:
-    """Return what agrees of an array's phases; of epochs and arcs that agree at once, everything.
+    """Validate an array's phases; epochs and arcs that agree at once stay as they are.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from fgnav.types.flight import Flight
 
 
 class _Field(NamedTuple):
-    """Where a flight has the noise of a component: a kind of record, its field, and the power."""
+    """Place of a component's noise in a flight: a kind of record, its field, and the power."""
 
     kind: str
     name: str

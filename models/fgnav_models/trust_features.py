@@ -1,4 +1,4 @@
-"""What the trust network sees of integer candidates: figures of residuals, whatever their number.
+"""Inputs of the trust network: figures of candidates' residuals, whatever their number.
 
 Residuals are those of undifferenced links, freed of whatever each antenna and each satellite of a
 group could have added, as double differences are: once by least squares, once by

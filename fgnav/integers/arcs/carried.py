@@ -10,7 +10,7 @@ _TINY = 1e-300
 
 
 class Answers(NamedTuple):
-    """What single epochs say of the integers, each by its own references."""
+    """Integers by single epochs, each by its own references."""
 
     cycles: IntArray  # (n, b, m)
     resolved: BoolArray  # (n, b, m): resolved, or a reference, whose integer is 0
@@ -20,7 +20,7 @@ class Answers(NamedTuple):
 
 
 class ArcIntegers(NamedTuple):
-    """What arcs make of the answers of their epochs, (n, b, m) each."""
+    """Integers by arcs from the answers of their epochs, (n, b, m) each."""
 
     cycles: IntArray
     source: IntArray  # epoch that speaks for the link; -1: none does

@@ -70,11 +70,11 @@ class Arcs:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether code is smoothed over whole arcs, whose surest epoch speaks for all."""
+        """Return True if code is smoothed over whole arcs, whose surest epoch speaks for all."""
         return not self.causal
 
     def causal_form(self, inner: Resolver) -> "Arcs":
-        """Return the same by the past alone, with an inner resolver that is causal.
+        """Return the resolver by the past alone, with an inner resolver that is causal.
 
         Raises
         ------

@@ -88,7 +88,7 @@ def smoothed(
 
 
 def effective(correlation: FloatArray) -> FloatArray:
-    """Return how many independent epochs 1, 2, …, n correlated ones are worth, (n,)."""
+    """Return the effective number of independent epochs in 1, 2, …, n correlated ones, (n,)."""
     n = np.arange(1, len(correlation) + 1)
     lag = n - 1
     rho = np.where(lag > 0, correlation, 0.0)

@@ -36,7 +36,7 @@ _WIDENED = _DOUBLINGS  # that many tries, and no more
 
 
 class Found(NamedTuple):
-    """What the search finds of every epoch: the best k, by rising cost, and what speaks for them.
+    """Results of the search of every epoch: the best k, by rising cost, and their evidence.
 
     Of as many as ``cycles`` has room for the integers are written. Costs are infinite, and weights
     minus infinity, where nothing was found.
@@ -53,7 +53,7 @@ class Found(NamedTuple):
 
 
 class _Model(NamedTuple):
-    """What a complete integer vector needs for its cost, besides its columns."""
+    """Data of a complete integer vector's cost, besides its columns."""
 
     constant: float
     information: FloatArray  # (3 r, 3 r)

@@ -1,4 +1,4 @@
-"""How likely noise makes the epochs of a rigid array, whichever of their integers are true.
+"""Likelihood of noise, given the epochs of a rigid array, whichever of their integers are true.
 
 The integers that noise may stand behind are searched once, for one law of noise. For any law nearby
 each of them is as likely as ``given_integers`` says, in closed form, and an epoch is as likely as
@@ -33,7 +33,7 @@ class Likelihood:
 
     @property
     def epochs(self) -> int:
-        """Return how many epochs count."""
+        """Return the number of epochs that count."""
         return len(self._first)
 
     @property
@@ -59,7 +59,7 @@ class Likelihood:
 
 
 def likelihood_of(differences: DoubleDifferences, nodes: int) -> Likelihood:
-    """Return how likely epochs are, for noise not far from the stated.
+    """Return the likelihood of epochs, for noise not far from the nominal.
 
     Epochs whose integers are too many to be listed are left out, whatever the noise: one that
     counts under calm noise alone would speak for that.

@@ -1,4 +1,4 @@
-"""How large noise really is, learned from the integers' own search, before any is accepted.
+"""Noise estimated from the integers' own search, before any is accepted.
 
 A probability means what it says only as far as the noise model does, and stated noise is often two
 or three times off and grows towards the horizon by a rule of thumb. Here each variance becomes
@@ -64,7 +64,7 @@ class _Sample(NamedTuple):
 def with_estimated_noise(
     differences: DoubleDifferences, nodes: int, *, causal: bool = False
 ) -> DoubleDifferences:
-    """Return the same differences with code and phase variances as large as the data show.
+    """Return differences with code and phase variances as large as the data show.
 
     As they are, where fewer than 30 epochs have links of antennas apart, or so many integers that
     fit that a search cannot list them.
@@ -109,7 +109,7 @@ def _sample(differences: DoubleDifferences, rows: IntArray) -> _Sample:
 
 
 def _picked(differences: DoubleDifferences, rows: IntArray) -> IntArray:
-    """Return as many of some epochs, (k,), as suffice, spread evenly."""
+    """Select as many of some epochs, (k,), as suffice, spread evenly."""
     links = differences.resolvable[rows].sum(axis=(1, 2)).mean()
     many = int(np.clip(_LINKS / links, _SUFFICIENT, _SAMPLE))
     return rows[np.linspace(0, len(rows) - 1, min(many, len(rows))).astype(np.int64)]

@@ -42,7 +42,7 @@ def principal_axes(S: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 @kernel
 def _across(A: FloatArray) -> bool:
-    """Return whether there is anything besides the diagonal."""
+    """Return True if an element off the diagonal is not zero."""
     across, along = 0.0, 0.0
     for i in range(3):
         along += A[i, i] * A[i, i]

@@ -1,4 +1,4 @@
-"""How much speaks for an integer vector whatever the attitude: its likelihood, integrated over all.
+"""Evidence of an integer vector: its likelihood, integrated over all attitudes.
 
 A single direction is integrated over the whole sphere. The integral is the density at 1 of the
 squared length of a Gaussian vector, for which the saddlepoint approximation of second order is

@@ -25,7 +25,7 @@ LOOK = 5  # nodes: what a look at columns takes
 
 
 class Walk(NamedTuple):
-    """What stays, and where the walk is: row k of a level, that of the last integer first."""
+    """Constants and state of the walk: row k of a level, that of the last integer first."""
 
     L: FloatArray  # (n, n)
     d: FloatArray  # (n,)

@@ -37,7 +37,7 @@ class LinkArrays(NamedTuple):
 
 
 class Spans(NamedTuple):
-    """Where the antennas that are there lie in the space they span."""
+    """Coordinates of the present antennas in the space that they span."""
 
     pattern: IntArray  # (n,)
     coordinates_m: FloatArray  # (p, b, 3): the first r columns count, the longest axis first

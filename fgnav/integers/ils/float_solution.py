@@ -100,7 +100,7 @@ def _ambiguities(
 
 @kernel
 def _determined(N: FloatArray) -> bool:
-    """Return whether every pivot of a symmetric matrix is more than rounding of its diagonal."""
+    """Return True if every pivot of a symmetric matrix is more than rounding of its diagonal."""
     U = N.copy()
     for j in range(len(U)):
         if not U[j, j] > _SINGULAR * N[j, j]:

@@ -206,7 +206,7 @@ def fixable(d: FloatArray, success_min: float) -> tuple[int, float]:
 
 @kernel
 def fault(a: FloatArray, Q: FloatArray) -> int:
-    """Return what is wrong with a float solution, ``OK`` if nothing can be seen without work."""
+    """Return the fault of a float solution, ``OK`` if none can be seen without work."""
     for value in a:
         if not abs(value) < _LARGEST_CYCLES:
             return NOT_FINITE
@@ -223,7 +223,7 @@ def fault(a: FloatArray, Q: FloatArray) -> int:
 def search(
     L: FloatArray, d: FloatArray, z_float: FloatArray, candidates: int, limit: int
 ) -> tuple[bool, FloatArray, FloatArray]:
-    """Return whether it finished, the best integers, (candidates, n), and their squared norms."""
+    """Return True if it finished, the best integers, (candidates, n), and their squared norms."""
     n = len(d)
     vectors, squared_norms = np.zeros((candidates, n)), np.full(candidates, np.inf)
     room = np.zeros((n + 5, n))

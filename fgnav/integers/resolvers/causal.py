@@ -35,7 +35,7 @@ class EpochByEpoch:
 
 
 def looks_ahead(resolver: Resolver) -> bool:
-    """Return whether a resolver may use later epochs; true of one that does not state it."""
+    """Return True if a resolver may use later epochs, or does not state it."""
     return bool(getattr(resolver, "looks_ahead", True))
 
 

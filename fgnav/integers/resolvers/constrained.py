@@ -85,7 +85,7 @@ class Constrained:
 
     @property
     def looks_ahead(self) -> bool:
-        """Return whether noise or share are those of the whole flight."""
+        """Return True if noise or share are those of the whole flight."""
         return not self.causal and (self.estimate_noise or self.wrong_max is not None)
 
     def __call__(self, differences: DoubleDifferences, flight: Flight) -> Integers:

@@ -1,4 +1,4 @@
-"""What a perfect resolver would say, where truth is known: from its integers or its attitude."""
+"""Answers of a perfect resolver, where truth is known: by its integers or its attitude."""
 
 from dataclasses import dataclass
 from typing import ClassVar

@@ -47,7 +47,7 @@ class Trial(Table, frozen=True):
 
 
 class Recipe(Table, frozen=True):
-    """What the trust network is made of."""
+    """Recipe of the trust network."""
 
     # name, purpose, notes, domain: of the release
     name: str
@@ -118,7 +118,7 @@ def _kept(
     work: Callable[[tuple[int, int]], T],
     kind: type[T],
 ) -> list[T]:
-    """Return what work makes of tasks, made now or read; SliceOver where the time was up."""
+    """Return the results of tasks, made now or read; SliceOver where the time was up."""
     folder = made_folder(order.out / name)
     paths = {task: folder / f"{task[0]}-{task[1]}.npz" for task in tasks}
     missing = [task for task in tasks if not paths[task].exists()]
@@ -165,7 +165,7 @@ class _Batches:
 
 
 def batch_of(samples: TrustSamples, epochs: IntArray) -> Batch:
-    """Return what ``loss_of`` takes, for epochs that have candidates."""
+    """Return the arguments of ``loss_of``, for epochs that have candidates."""
     number = np.diff(samples.start)[epochs]
     first = np.cumsum(number) - number
     rows = np.repeat(samples.start[epochs] - first, number) + np.arange(number.sum())

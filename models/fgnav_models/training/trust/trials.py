@@ -33,7 +33,7 @@ _COLUMNS = {  # figures, and how the card calls them
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class Judged:
-    """What network and ``constrained`` make of epochs in the network's domain, (n,)."""
+    """Results of network and ``constrained`` for epochs in the network's domain, (n,)."""
 
     # trust, right: probability of all integers to be right, and whether those it would fix are
     trust: FloatArray

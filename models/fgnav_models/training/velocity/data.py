@@ -1,4 +1,4 @@
-"""What velocity networks learn from: inertial records of simulated vehicles, cut anywhere."""
+"""Training data of velocity networks: inertial records of simulated vehicles, cut anywhere."""
 
 from dataclasses import dataclass, replace
 

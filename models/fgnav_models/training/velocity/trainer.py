@@ -52,7 +52,7 @@ _SENSORS = (("f_b_mps2", "accelerometer"), ("w_b_radps", "gyroscope"))
 
 
 class Training(Learning, frozen=True):
-    """How the network is made."""
+    """Recipe of the network."""
 
     # flights, held_out: to learn from, and to calibrate on
     flights: Count = 2500

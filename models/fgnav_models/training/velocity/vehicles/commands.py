@@ -1,4 +1,4 @@
-"""What drivers and pilots do: targets that hold for a while, reached at a limited pace."""
+"""Commands of drivers and pilots: targets that hold for a while, reached at a limited pace."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -78,7 +78,7 @@ def integral(rate: FloatArray) -> FloatArray:
 
 
 def leaning(sigma_deg: float, rng: np.random.Generator) -> FloatArray:
-    """Return how an inertial unit is turned against its vehicle, ``R_vb``, (3, 3)."""
+    """Return the mounting rotation of an inertial unit, ``R_vb``, (3, 3)."""
     from fgnav.geometry.rotations import exp  # noqa: PLC0415  # beside the lazy ones
 
     return np.asarray(exp(np.radians(sigma_deg) * rng.standard_normal((1, 3)))[0])

@@ -23,7 +23,7 @@ KINDS = tuple(_MAKERS)
 
 
 class VehiclesWorld(Table, frozen=True, tag="vehicles", tag_field="kind"):
-    """What vehicles there are."""
+    """Distribution of vehicles."""
 
     # car, multirotor, aeroplane: how likely a flight is of each kind
     car: NotNegative = 1.0
