@@ -185,7 +185,7 @@ def sensitivity(solve: Callable[[VectorPairs], FloatArray], pairs: VectorPairs) 
     for k, axis in np.ndindex(pairs.v_n.shape[1:]):
         step = np.zeros_like(pairs.v_n)
         step[:, k, axis] = steps[:, k]
-        before, after = (solve(replace(pairs, v_n=pairs.v_n + one)) for one in (-step, step))
+        before, after = (solve(replace(pairs, v_n=pairs.v_n + shift)) for shift in (-step, step))
         has = pairs.valid[:, k] & np.isfinite(before[:, 0, 0]) & np.isfinite(after[:, 0, 0])
         rotation = log(before[has].swapaxes(1, 2) @ after[has])
         S[has, k, :, axis] = rotation / (2 * steps[has, k, None])

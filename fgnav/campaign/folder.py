@@ -42,8 +42,8 @@ class Folder:
             _check_same(path / _ORDER, order)
         self.path, self._order = path, order
         self._runs = made_folder(path / _RUNS)
-        for part in self._runs.glob(".*.part"):  # of a run that was killed while writing
-            part.unlink(missing_ok=True)
+        for unfinished in self._runs.glob(".*.part"):  # of a run that was killed while writing
+            unfinished.unlink(missing_ok=True)
         write_text(
             path / _ORDER,
             msgspec.json.format(

@@ -76,7 +76,7 @@ def write_report(order: Order, records: Iterable[Record], out: Path) -> tuple[st
         swept, tables, charts = _sweep(order, table, cases)
         parts.append((f"sweep-{number}", f"By {swept}", grid(charts) + tables))
     page = report(f"Campaign {order.name}", order.titles, parts)
-    lines = [line for part in page.parts for line in ["", *text_lines(part.blocks, _WIDTH)]]
+    lines = [line for section in page.parts for line in ["", *text_lines(section.blocks, _WIDTH)]]
     text = "\n".join([*lines[1:], ""])
     write_text(out / REPORT, text)
     write(page, out / PAGE)

@@ -48,7 +48,7 @@ def referee(  # a command has as many options as it takes
     from fgnav.terminal import check_outputs  # noqa: PLC0415
 
     sources = [factor_source(str(path)) for place in networks for path in _manifests(place)]
-    factors = [one for one in sources if isinstance(one, NeuralFactor)]
+    factors = [source for source in sources if isinstance(source, NeuralFactor)]
     if not factors or len(factors) < len(sources):
         raise BadInputError("referee: requires networks: manifests, or folders of these")
     (estimator,) = estimators_named(method, DEFAULT, SmootherOptions(noise=noise))

@@ -77,8 +77,8 @@ def keyframe_states(values: gtsam.Values, layout: Layout, numbers: Sequence[int]
 
 def insert_constants(values: gtsam.Values, layout: Layout, at: FloatArray) -> None:
     """Add constants, (b,), to the values."""
-    for key, part, first in _parts(layout.constants):
-        values.insert(key, at[first : first + part])
+    for key, size, first in _parts(layout.constants):
+        values.insert(key, at[first : first + size])
 
 
 def as_bias(aux: FloatArray) -> gtsam.imuBias.ConstantBias:
@@ -129,8 +129,8 @@ def constant_priors(constants: Parameters) -> list[gtsam.NonlinearFactor]:
     """Build the priors of the constants."""
     covariance = gtsam.noiseModel.Gaussian.Covariance
     return [
-        gtsam.PriorFactorVector(keys.constant(i), part.mean, covariance(part.covariance))
-        for i, part in enumerate(constants.parts)
+        gtsam.PriorFactorVector(keys.constant(i), parameter.mean, covariance(parameter.covariance))
+        for i, parameter in enumerate(constants.parts)
     ]
 
 
@@ -150,5 +150,5 @@ def flight_values(
 
 def _parts(constants: Parameters) -> Iterator[tuple[int, int, int]]:
     """Yield key, size and first column of each constant."""
-    for i, (part, first) in enumerate(zip(constants.parts, constants.first, strict=True)):
-        yield keys.constant(i), part.size, first
+    for i, (parameter, first) in enumerate(zip(constants.parts, constants.first, strict=True)):
+        yield keys.constant(i), parameter.size, first

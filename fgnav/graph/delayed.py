@@ -54,14 +54,14 @@ class TimedMotion:
 
     def __post_init__(self) -> None:
         """Make the arrays as the kernel is compiled for."""
-        for one in fields(self):
-            value = getattr(self, one.name)
+        for field in fields(self):
+            value = getattr(self, field.name)
             if value is not None and not value.flags.carray:
-                object.__setattr__(self, one.name, np.require(value, value.dtype, ["C", "W"]))
+                object.__setattr__(self, field.name, np.require(value, value.dtype, ["C", "W"]))
 
     def at(self, row: IntArray) -> "TimedMotion":
         """Select keyframes, (k,)."""
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
         del given["earth_rate_n_radps"]
         return replace(self, **{name: v[row] for name, v in given.items() if v is not None})
 

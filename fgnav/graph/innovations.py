@@ -101,14 +101,14 @@ def innovation_series(problem: Problem, solution: Solution) -> tuple[InnovationS
     if phase is None:
         return of_sensors
     squared, freedom = phase_innovations(phase)
-    seen = freedom > 0
+    tested = freedom > 0
     of_phases = InnovationSeries(
-        phase.name, problem.t_s[phase.row][seen], squared[seen], freedom[seen]
+        phase.name, problem.t_s[phase.row][tested], squared[tested], freedom[tested]
     )
-    place = place_innovation(phase, solution)
-    if place is None:
+    position = place_innovation(phase, solution)
+    if position is None:
         return (*of_sensors, of_phases)
-    name, *values = place
+    name, *values = position
     first_s = problem.t_s[phase.row[:1]]
     return (*of_sensors, of_phases, InnovationSeries(name, first_s, *map(np.array, values)))
 
@@ -127,11 +127,11 @@ def normalised_innovations(measurement: Sensor, solution: Solution) -> Innovatio
     tested, rounding = np.empty(k, dtype=np.bool_), _UNTESTED
     for first in range(0, k, _AT_ONCE):
         indices = np.arange(first, min(first + _AT_ONCE, k))
-        part, rounding = innovations_of(
+        innovations, rounding = innovations_of(
             measurement, indices, solution, measurement.row[indices], rounding
         )
-        squared[indices], tested[indices] = part.squared, part.tested
-        lagged[indices] = part.lagged
+        squared[indices], tested[indices] = innovations.squared, innovations.tested
+        lagged[indices] = innovations.lagged
     return Innovations(squared, measurement.freedom, tested, lagged)
 
 
@@ -183,7 +183,7 @@ def custom_innovations(
         Number of the solution's first keyframe, as in the factors' keys.
     """
     evaluated = [_evaluated(factor.factor, layout, solution, first) for factor in factors]
-    squared = np.array([one.r @ one.r for one in evaluated])
+    squared = np.array([test.r @ test.r for test in evaluated])
     tested = np.ones(len(evaluated), dtype=np.bool_)
     for indices in _alike(evaluated, solution):  # at once, not one by one
         rows, seen = np.array([evaluated[i].rows for i in indices]), evaluated[indices[0]].seen
@@ -191,15 +191,15 @@ def custom_innovations(
         r, J = (np.stack([evaluated[i][part] for i in indices]) for part in (0, 1))
         white, tested[indices], _ = _whitened(r, J, P)
         squared[indices] = (white**2).sum(axis=1)
-    freedom = np.array([int(one.J.any(axis=1).sum()) for one in evaluated])
+    freedom = np.array([int(test.J.any(axis=1).sum()) for test in evaluated])
     last = len(solution.covariance) - 1
-    at = np.array([one.rows[-1] if one.rows else last for one in evaluated], dtype=np.int64)
+    at = np.array([test.rows[-1] if test.rows else last for test in evaluated], dtype=np.int64)
     names: dict[str, list[int]] = {}
     for i, factor in enumerate(factors):
         names.setdefault(factor.name, []).append(i)
     found = Innovations(squared, freedom, tested, np.zeros(len(squared)))
     return tuple(
-        _series(name, [(Innovations._make(part[of] for part in found), t_s[at[of]])])
+        _series(name, [(Innovations._make(column[of] for column in found), t_s[at[of]])])
         for name, of in names.items()
     )
 
@@ -226,9 +226,9 @@ def _evaluated(
     for row in rows:
         insert_keyframe(values, layout, row + first, solution.states, row)
     J, minus_r = factor.linearize(values).jacobian()
-    place = {row + first: layout.width * i for i, row in enumerate(rows)}
-    seen = [_columns(layout, key, place) for key in involved]
-    return _Evaluated(-minus_r, J, rows, np.concatenate(seen))
+    column_of = {row + first: layout.width * i for i, row in enumerate(rows)}
+    columns = [_columns(layout, key, column_of) for key in involved]
+    return _Evaluated(-minus_r, J, rows, np.concatenate(columns))
 
 
 def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
@@ -246,10 +246,10 @@ def _columns(layout: Layout, key: int, place: Mapping[int, int]) -> IntArray:
 def _alike(evaluated: Sequence[_Evaluated], solution: Solution) -> list[list[int]]:
     """Return factors of the same dimensions whose variables' joint covariance is known."""
     alike: dict[tuple[object, ...], list[int]] = {}
-    for i, one in enumerate(evaluated):
-        separation = one.rows[-1] - one.rows[0] if one.rows else 0
-        if len(one.rows) < 2 or (separation == 1 and solution.cross is not None):
-            kind = (len(one.rows), one.J.shape, *one.seen.tolist())
+    for i, test in enumerate(evaluated):
+        separation = test.rows[-1] - test.rows[0] if test.rows else 0
+        if len(test.rows) < 2 or (separation == 1 and solution.cross is not None):
+            kind = (len(test.rows), test.J.shape, *test.seen.tolist())
             alike.setdefault(kind, []).append(i)
     return list(alike.values())
 

@@ -88,25 +88,25 @@ def stretches(
     results = [Identification()]
     for s in times_s:
         results.append(identification(flight, settings, s, build, results[-1]))
-    if all(one.is_nominal for one in results):
+    if all(result.is_nominal for result in results):
         return (Stretch(-np.inf, np.inf, flight, prepared),)
     parts: list[Stretch] = []
     before: Identification | None = None
     edges_s = [-np.inf, *times_s, np.inf]
-    for begin_s, until_s, one in zip(edges_s[:-1], edges_s[1:], results, strict=True):
-        part = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
+    for begin_s, until_s, result in zip(edges_s[:-1], edges_s[1:], results, strict=True):
+        record = flight if until_s == np.inf else truncated(flight, float(until_s + ahead_s))
         try:
-            problem = one.prepared(part, settings, build)
+            problem = result.prepared(record, settings, build)
         except NoSolutionError:
             if until_s == np.inf:
                 raise
             before = None  # nothing is known by then, whatever comes later
             continue
-        goes_on = before is not None and before.is_nominal and one.is_nominal
+        goes_on = before is not None and before.is_nominal and result.is_nominal
         first_s = parts.pop().from_s if goes_on else float(begin_s)
-        parts.append(Stretch(first_s, float(until_s), part, problem))
-        before = one
-    changed_s = ", ".join(f"{one.from_s:.0f}" for one in parts if one.from_s > -np.inf)
+        parts.append(Stretch(first_s, float(until_s), record, problem))
+        before = result
+    changed_s = ", ".join(f"{stretch.from_s:.0f}" for stretch in parts if stretch.from_s > -np.inf)
     last = parts[-1]
     noted = replace(last.prepared, notes=(*last.prepared.notes, note("I307", times_s=changed_s)))
     return (*parts[:-1], last._replace(prepared=noted))

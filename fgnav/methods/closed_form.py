@@ -169,7 +169,9 @@ class ClosedForm:
             unused += lost
         t_s = np.unique(np.concatenate(times))
         rows = [np.searchsorted(t_s, part_s) for part_s in times]
-        pairs = stacked([part.scatter(at, len(t_s)) for part, at in zip(parts, rows, strict=True)])
+        pairs = stacked(
+            [block.scatter(at, len(t_s)) for block, at in zip(parts, rows, strict=True)]
+        )
         return _Epochs(t_s, pairs, rows[0]), tuple(unused)
 
     def _weighted(self, pairs: VectorPairs) -> VectorPairs:
@@ -243,7 +245,7 @@ def _kinds(pairs: VectorPairs) -> NDArray[np.str_]:
 def _recorded(flight: Flight) -> int:
     """Return the number of epochs of raw data, or else of fixes."""
     records = (flight.observations, flight.first_fixes)
-    return next(len(one.t_s) for one in records if one is not None)
+    return next(len(record.t_s) for record in records if record is not None)
 
 
 def _motion(

@@ -141,14 +141,14 @@ class ObservationStream:
 
     def _estimate(self, until_s: float) -> Estimate:
         parts, name = [], self._method.name
-        for problem, group in groupby(self._due(until_s), key=lambda one: one.problem):
-            part = list(group)
-            known = joined_solution((one.known for one in part), len(part))
-            rows = np.array([one.row for one in part])
-            parts.append(stated_at(name, part[0].prepared, problem, known, rows))
+        for problem, group in groupby(self._due(until_s), key=lambda keyframe: keyframe.problem):
+            block = list(group)
+            known = joined_solution((keyframe.known for keyframe in block), len(block))
+            rows = np.array([keyframe.row for keyframe in block])
+            parts.append(stated_at(name, block[0].prepared, problem, known, rows))
         if not parts:
             return no_keyframes(name)
-        count = sum(len(part.t_s) for part in parts)
+        count = sum(len(block.t_s) for block in parts)
         return concatenate_estimates(parts, count, count)
 
     def _due(self, until_s: float) -> list[_Keyframe]:

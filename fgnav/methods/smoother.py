@@ -156,9 +156,9 @@ class Smoother:
         if len(stretches) == 1:
             return self._at(flight, prepared, t_s)
         parts = [
-            self._at(one.flight, one.prepared, t_s[within])
-            for one in stretches
-            if (within := one.answers(t_s)).any()
+            self._at(stretch.flight, stretch.prepared, t_s[within])
+            for stretch in stretches
+            if (within := stretch.answers(t_s)).any()
         ]
         return concatenate_estimates(parts, len(t_s), len(t_s))
 
@@ -214,7 +214,9 @@ class Smoother:
         if self.noise == "nominal" or self.factors or flight.networks:
             return estimate
         return without_contradictions(
-            flight, estimate, lambda one: self._estimated(one, self._prepared(one))
+            flight,
+            estimate,
+            lambda remaining: self._estimated(remaining, self._prepared(remaining)),
         )
 
     def _estimated_so_far(self, flight: Flight, prepared: PreparedFlight) -> Estimate:
@@ -223,12 +225,12 @@ class Smoother:
         if len(stretches) == 1:
             return self._estimated(flight, stretches[0].prepared)
         parts, due = [], 0
-        for one in stretches:
-            t_s = one.prepared.problem.t_s
-            due += int(((t_s >= one.from_s) & (t_s < one.until_s)).sum())
-            estimate = self._estimated(one.flight, one.prepared)
-            parts.append(among(estimate, one.from_s, one.until_s))
-        return concatenate_estimates(parts, max(one.n_epochs for one in parts), due)
+        for stretch in stretches:
+            t_s = stretch.prepared.problem.t_s
+            due += int(((t_s >= stretch.from_s) & (t_s < stretch.until_s)).sum())
+            estimate = self._estimated(stretch.flight, stretch.prepared)
+            parts.append(among(estimate, stretch.from_s, stretch.until_s))
+        return concatenate_estimates(parts, max(part.n_epochs for part in parts), due)
 
     def _estimated(
         self, flight: Flight, prepared: PreparedFlight, rows: np.ndarray | None = None
@@ -269,7 +271,7 @@ class Smoother:
         span_s = float(problem.t_s[0]), float(problem.t_s[-1])
         return replace(
             estimate,
-            consistency=tuple(one.summary for one in series),
+            consistency=tuple(innovations.summary for innovations in series),
             verdicts=judge(series, prepared.implausible, span_s),
             graph=graph_summary(problem, sourced, solution, prepared.integers),
             unused=(*estimate.unused, *sourced.unused),

@@ -184,24 +184,28 @@ class Stream:
         layout = Layout.of(problem)
         bounds = (layout, self._window.oldest, self._count)
         factors = []
-        for one in map(named, measurements.factors):
-            if not touches_newest(one, *bounds):
+        for factor in map(named, measurements.factors):
+            if not touches_newest(factor, *bounds):
                 raise BadInputError(
-                    f"factor {one.name!r}: must touch the keyframe it enters with, {self._count}"
+                    f"factor {factor.name!r}: must touch the keyframe it enters with, {self._count}"
                 )
-            factors.append(one)
+            factors.append(factor)
         times_s = [*self._times_s, measurements.t_s]
         if self._sources:
             timeline = Timeline(t_s=np.array(times_s), gyroscope=layout.gyroscope, new=self._count)
             first = len(problem.constants.parts) - len(self._asked)
             for source, its in with_timelines(self._sources, timeline, first):
                 made = source(measurements, its)
-                factors += [one for one in map(named, made) if touches_newest(one, *bounds)]
+                factors += [
+                    factor for factor in map(named, made) if touches_newest(factor, *bounds)
+                ]
                 if isinstance(made, Sourced):
-                    self._unused.update({(one.what, one.reason): one.count for one in made.unused})
+                    self._unused.update(
+                        {(entry.what, entry.reason): entry.count for entry in made.unused}
+                    )
         self._times_s = times_s
         self._judged.extend(factors)
-        return tuple(one.factor for one in factors)
+        return tuple(factor.factor for factor in factors)
 
     def _leaving(self, solution: Solution | None) -> Estimate:
         """Return the oldest keyframes, which leave."""
@@ -224,9 +228,9 @@ class Stream:
         end = first + len(t_s)
         while self._judged and touched_keyframes(self._judged[0].factor)[-1] < end:
             leaving.append(self._judged.popleft())
-        alone = [one for one in leaving if touched_keyframes(one.factor)[0] >= first]
+        alone = [tested for tested in leaving if touched_keyframes(tested.factor)[0] >= first]
         series = custom_innovations(alone, Layout.of(problem), t_s, solution, first)
-        return tuple(one.summary for one in series)
+        return tuple(innovations.summary for innovations in series)
 
     def _estimate(self, solution: Solution, kept: list[tuple[float, FloatArray]]) -> Estimate:
         """Return keyframes by their times and measured rates."""

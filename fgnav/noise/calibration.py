@@ -103,14 +103,14 @@ def calibrated(constants: Parameters, solution: Solution) -> tuple[Calibrated, .
 def calibration_notes(calibrated: tuple[Calibrated, ...]) -> tuple[Note, ...]:
     """Return a message on each constant that is estimated because it is significant."""
     notes = []
-    for one in (parameter for parameter in calibrated if parameter.is_significant):
-        others = (other for other in calibrated if other is not one)
+    for estimated in (parameter for parameter in calibrated if parameter.is_significant):
+        others = (other for other in calibrated if other is not estimated)
         runner_up, comparison = max(others, key=lambda other: other.alone, default=None), ""
         if runner_up is not None:
             comparison = f"; runner-up: {_NAMES[runner_up.kind]}, {runner_up.alone:.0f}"
-        name = _NAMES[one.kind]
+        name = _NAMES[estimated.kind]
         parameter = f"{name[:1].upper()}{name[1:]}"
-        of = {"value": _value(one), "gain": one.alone, "runner_up": comparison}
+        of = {"value": _value(estimated), "gain": estimated.alone, "runner_up": comparison}
         notes.append(note("I303", parameter=parameter, **of))
     return tuple(notes)
 

@@ -228,11 +228,13 @@ class PosteriorCovariance:
             begin += size
         self._size, self._net = begin, gtsam.GaussianBayesNet()
         self._conditionals = []
-        for one in elimination.conditionals:
-            self._net.push_back(one)
-            columns = np.concatenate([self._columns[key] for key in one.keys()])  # noqa: SIM118
-            inverse = np.linalg.inv(one.R())
-            self._conditionals.append(_Conditional(columns, inverse @ one.S(), inverse @ inverse.T))
+        for conditional in elimination.conditionals:
+            self._net.push_back(conditional)
+            columns = np.concatenate([self._columns[key] for key in conditional.keys()])  # noqa: SIM118
+            inverse = np.linalg.inv(conditional.R())
+            self._conditionals.append(
+                _Conditional(columns, inverse @ conditional.S(), inverse @ inverse.T)
+            )
 
     def adjoint(self, a: FloatArray, B: FloatArray, curved: Sequence[Term]) -> Adjoint:
         """Return the adjoint of a function of the minimum and of keyframes' covariances.
@@ -276,8 +278,8 @@ class PosteriorCovariance:
             N = np.zeros((len(columns), len(columns)))
             if k < self._n:
                 N[:D, :D] = B[k]
-            places = _places(columns, at)
-            N[np.ix_(places, places)] += message
+            indices = _places(columns, at)
+            N[np.ix_(indices, indices)] += message
             kept = np.vstack([-A, np.eye(A.shape[1])])
             message, at = kept.T @ N @ kept, columns[len(A) :]
             informations.append(N)

@@ -33,29 +33,33 @@ class CustomFactors:
 
     def __init__(self, custom: Sequence[Custom], problem: Problem) -> None:
         self._problem, layout = problem, Layout.of(problem)
-        constants, factors = set(layout.constant_keys), [named(one) for one in custom]
+        constants, factors = set(layout.constant_keys), [named(source) for source in custom]
         self._at: dict[int, list[tuple[int, NamedFactor]]] = defaultdict(list)
-        for one in factors:
-            involved, last = list(one.factor.keys()), len(problem.t_s) - 1
-            rows = [_keyframe(one, key, layout, last) for key in involved if key not in constants]
-            self._at[max(rows, default=0)].append((min(rows, default=0), one))
-        native = [one for one in factors if one.model is None]  # the others check themselves
+        for factor in factors:
+            involved, last = list(factor.factor.keys()), len(problem.t_s) - 1
+            rows = [
+                _keyframe(factor, key, layout, last) for key in involved if key not in constants
+            ]
+            self._at[max(rows, default=0)].append((min(rows, default=0), factor))
+        native = [
+            factor for factor in factors if factor.model is None
+        ]  # the others check themselves
         values = flight_values(problem, problem.start) if native else gtsam.Values()
-        for one in native:
-            check_factor(one, values)
+        for factor in native:
+            check_factor(factor, values)
 
     @property
     def factors(self) -> list[gtsam.NonlinearFactor]:
         """Return all of them."""
-        return [one.factor for factors in self._at.values() for _, one in factors]
+        return [factor.factor for factors in self._at.values() for _, factor in factors]
 
     def within(self, span_s: float) -> list[Custom]:
         """Return those whose keyframes are at most that far apart."""
         t_s = self._problem.t_s
         return [
-            one
+            factor
             for row, factors in self._at.items()
-            for first, one in factors
+            for first, factor in factors
             if t_s[row] - t_s[first] <= span_s
         ]
 
@@ -68,18 +72,18 @@ class CustomFactors:
             If one reaches further back than the window's oldest keyframe.
         """
         factors = self._at.get(row, [])
-        for first, one in factors:
+        for first, factor in factors:
             if first < oldest:
                 t_s = self._problem.t_s
                 raise BadInputError(
-                    f"factor {one.name!r}: joins keyframes {t_s[row] - t_s[first]:.2f} s apart, "
+                    f"factor {factor.name!r}: joins keyframes {t_s[row] - t_s[first]:.2f} s apart, "
                     f"{t_s[first]:.2f} and {t_s[row]:.2f} s, further than the window reaches; use "
                     "a longer lag or the batch"
                 )
-        return [one.factor for _, one in factors]
+        return [factor.factor for _, factor in factors]
 
 
-def touches_newest(one: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
+def touches_newest(factor: NamedFactor, layout: Layout, oldest: int, newest: int) -> bool:
     """Return True if a factor enters with the newest keyframe, which it touches then.
 
     Raises
@@ -87,25 +91,25 @@ def touches_newest(one: NamedFactor, layout: Layout, oldest: int, newest: int) -
     BadInputError
         If it touches a variable that the stream has not, or one that has left the window.
     """
-    involved, constants = list(one.factor.keys()), set(layout.constant_keys)
-    rows = [_keyframe(one, key, layout, newest) for key in involved if key not in constants]
+    involved, constants = list(factor.factor.keys()), set(layout.constant_keys)
+    rows = [_keyframe(factor, key, layout, newest) for key in involved if key not in constants]
     if max(rows, default=-1) < newest:
         return False
     if min(rows) < oldest:
         raise BadInputError(
-            f"factor {one.name!r}: touches keyframe {min(rows)}, which has left the window; its "
+            f"factor {factor.name!r}: touches keyframe {min(rows)}, which has left the window; its "
             f"oldest is {oldest}"
         )
     return True
 
 
-def _keyframe(one: NamedFactor, key: int, layout: Layout, newest: int) -> int:
+def _keyframe(factor: NamedFactor, key: int, layout: Layout, newest: int) -> int:
     """Return the keyframe of a variable."""
     k = keys.index(key)
     if k > newest or key not in layout.keyframe(k):
         raise BadInputError(
-            f"factor {one.name!r}: {spelt(key)} is no variable of the flight, which has keyframes "
-            f"0 to {newest} of pose, velocity and "
+            f"factor {factor.name!r}: {spelt(key)} is no variable of the flight, which has "
+            f"keyframes 0 to {newest} of pose, velocity and "
             f"{'imu_bias' if layout.gyroscope else 'angular_motion'}, and "
             f"{len(layout.constant_keys)} constants"
         )

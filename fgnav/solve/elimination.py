@@ -69,7 +69,7 @@ class Elimination:
         self.oldest = 0
         self._layout, self._t_s = layout, t_s
         self._constants = layout.constant_keys
-        sizes = (part.size for part in layout.constants.parts)
+        sizes = (parameter.size for parameter in layout.constants.parts)
         self._size = dict(zip(self._constants, sizes, strict=True))
         self._arcs: list[tuple[int, ...]] = []  # that end with each keyframe
         self._factors: list[Sequence[gtsam.GaussianFactor]] = []
@@ -163,12 +163,17 @@ class Elimination:
     @property
     def predicted_decrease(self) -> float:
         """Return by how much the step lowers the sum of squares, if all were linear."""
-        return float(sum(one.d() @ one.d() for one in self.conditionals))
+        return float(sum(conditional.d() @ conditional.d() for conditional in self.conditionals))
 
     @property
     def log_root(self) -> float:
         """Return the log determinant of the square root of the information of all variables."""
-        return float(sum(np.log(np.abs(one.R().diagonal())).sum() for one in self.conditionals))
+        return float(
+            sum(
+                np.log(np.abs(conditional.R().diagonal())).sum()
+                for conditional in self.conditionals
+            )
+        )
 
     def step(self) -> tuple[FloatArray, FloatArray, dict[int, FloatArray]]:
         """Return the Newton step of keyframes, (m, D), of the constants, (b,), and of arcs by key.
@@ -180,8 +185,8 @@ class Elimination:
         """
         self._check()
         net = gtsam.GaussianBayesNet()
-        for one in self.conditionals:
-            net.push_back(one)
+        for conditional in self.conditionals:
+            net.push_back(conditional)
         steps = net.optimize()
         of_keyframes = range(self.oldest, self.oldest + len(self))
         frontal = [key for k in of_keyframes for key in self._layout.keyframe(k)]
@@ -226,20 +231,20 @@ class Elimination:
         return (*self._layout.keyframe(self.oldest + i), *self._arcs[i])
 
     def _covariance_of_constants(self) -> _Joint:
-        one = self._root
-        inverse = np.linalg.inv(one.R()) if one else np.empty((0, 0))
+        root = self._root
+        inverse = np.linalg.inv(root.R()) if root else np.empty((0, 0))
         return _Joint(self._places(self._constants), inverse @ inverse.T)
 
     def _descend(self, i: int, after: _Joint) -> _Joint:
         """Return the joint covariance of a keyframe, its separators, the next and the constants."""
-        one, frontal = self._ends[i], self._variables(i)
+        conditional, frontal = self._ends[i], self._variables(i)
         carried = self._constants
         if i + 1 < len(self):
             carried = [*self._variables(i + 1), *self._constants]
-        variables = list(one.keys())
+        variables = list(conditional.keys())
         variables += [key for key in carried if key not in variables]
         rows = self._rows(after, variables[len(frontal) :])
-        inverse, S = dtrtri(one.R())[0], one.S()
+        inverse, S = dtrtri(conditional.R())[0], conditional.S()
         others, gain = after.P[rows[:, None], rows], inverse @ S
         cross = -gain @ others[: S.shape[1]]
         frontal = inverse @ inverse.T - cross[:, : S.shape[1]] @ gain.T
@@ -254,16 +259,16 @@ class Elimination:
         return np.array(rows, dtype=np.int64)
 
     def _places(self, variables: Sequence[int]) -> dict[int, int]:
-        places, begin = {}, 0
+        columns, begin = {}, 0
         for key in variables:
-            places[key] = begin
+            columns[key] = begin
             begin += self._size[key]
-        return places
+        return columns
 
     def _check(self) -> None:
         """Raise if a pivot leaves a variable open."""
-        for i, one in enumerate(self.conditionals):
-            pivots = np.abs(one.R().diagonal())
+        for i, conditional in enumerate(self.conditionals):
+            pivots = np.abs(conditional.R().diagonal())
             weak = int(pivots.argmin())
             if not pivots[weak] > _LEAST_PIVOT:
                 raise self._open(i, weak)
@@ -276,7 +281,7 @@ class Elimination:
     def _unconstrained(self, i: int) -> NoSolutionError:
         """Return the error of the first variable of a keyframe that no factor touches."""
         entering = (*self._factors[i], self._messages[i])
-        touched = {key for one in entering if one is not None for key in one.keys()}  # noqa: SIM118
+        touched = {key for factor in entering if factor is not None for key in factor.keys()}  # noqa: SIM118
         column = 0
         for key in self._variables(i):
             if key not in touched:

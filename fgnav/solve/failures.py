@@ -49,14 +49,14 @@ def in_words(
 def open_state(column: int, width: int, t_s: float) -> NoSolutionError:
     """Return the error that a column of a keyframe's tangent, ``width`` wide, is not determined."""
     parts = (*_PARTS, *_AUX_PARTS[min(width - AUX, 12)])
-    part = parts[column // 3] if column < 3 * len(parts) else "lasting error of phases"
-    return NoSolutionError(f"{part}: the data do not determine it at {t_s:.2f} s")
+    component = parts[column // 3] if column < 3 * len(parts) else "lasting error of phases"
+    return NoSolutionError(f"{component}: the data do not determine it at {t_s:.2f} s")
 
 
 def open_constant(column: int, constants: Parameters) -> NoSolutionError:
     """Return the error that a column of the constants, or of the arcs behind, is not determined."""
-    ends = np.cumsum([part.size for part in constants.parts])
+    ends = np.cumsum([parameter.size for parameter in constants.parts])
     if column >= constants.width:
         return NoSolutionError("ambiguities of phase: the data do not determine them")
-    part = constants.parts[int(np.searchsorted(ends, column, side="right"))]
-    return NoSolutionError(f"{part.name}: the data do not determine it")
+    parameter = constants.parts[int(np.searchsorted(ends, column, side="right"))]
+    return NoSolutionError(f"{parameter.name}: the data do not determine it")

@@ -94,20 +94,20 @@ def solve_forward(
     return replace(joined_solution(_opened(newest, problem, opening), len(problem.t_s)), cross=None)
 
 
-def with_open_heading(part: Solution, opening: Opening) -> Solution:
+def with_open_heading(solution: Solution, opening: Opening) -> Solution:
     """Return keyframes with what is not known of the heading that the opening holds fixed.
 
     The body may be turned about the vertical through its antenna.
     """
-    J = np.zeros(part.covariance.shape[:2])
-    J[:, ROTATION] = part.states.R_nb[:, 2]
+    J = np.zeros(solution.covariance.shape[:2])
+    J[:, ROTATION] = solution.states.R_nb[:, 2]
     J[:, POSITION] = np.cross(opening.arm_b_m, J[:, ROTATION])
     variance_rad2 = opening.heading_variance_rad2
     open_rad2 = variance_rad2 * J[:, :, None] * J[:, None, :]
     inward = np.cross(J[:, POSITION], J[:, ROTATION])  # by 1 - cos of the turn: 1.5 if uniform
     second = min(0.75 * variance_rad2**2, 1.5)
     open_rad2[:, POSITION, POSITION] += second * inward[:, :, None] * inward[:, None, :]
-    return replace(part, covariance=part.covariance + open_rad2)
+    return replace(solution, covariance=solution.covariance + open_rad2)
 
 
 def joined_solution(parts: Iterable[Solution], count: int) -> Solution:
@@ -118,10 +118,10 @@ def joined_solution(parts: Iterable[Solution], count: int) -> Solution:
     joined, end = list[np.ndarray](), 0
     for part in parts:
         arrays = [*part.states[:4], *(getattr(part, name) for name in _BY_KEYFRAME)]
-        joined = joined or [np.empty((count, *one.shape[1:]), one.dtype) for one in arrays]
+        joined = joined or [np.empty((count, *array.shape[1:]), array.dtype) for array in arrays]
         begin, end = end, end + len(arrays[0])
-        for of, one in zip(joined, arrays, strict=True):
-            of[begin:end] = one
+        for of, array in zip(joined, arrays, strict=True):
+            of[begin:end] = array
     states = States._make((*joined[:4], part.states.constants))
     fields: dict[str, Any] = dict(zip(_BY_KEYFRAME, joined[4:], strict=True))
     return replace(part, states=states, converged=not fields["refused"].any(), **fields)
@@ -138,10 +138,10 @@ def _opened(
     """
     count = 0
     if opening is not None:
-        for part in leaving(opening.problem, opening.keyframes):
+        for factor in leaving(opening.problem, opening.keyframes):
             count += 1
-            if part is not None:
-                yield with_open_heading(part, opening)
+            if factor is not None:
+                yield with_open_heading(factor, opening)
     if count < len(problem.t_s):
         later = islice(leaving(problem, len(problem.t_s)), count, None)
         yield from (part for part in later if part is not None)

@@ -77,7 +77,7 @@ def over_headings(
     """
     turns_rad = [k * _APART_RAD for k in range(_COUNT)]
     held = [_conditioned(problem, opening, turn_rad) for turn_rad in turns_rad]
-    ends = [search(one) for one in held]
+    ends = [search(solution) for solution in held]
     ends = [
         end._replace(log_evidence=end.log_evidence + _log_prior(opening, turn_rad))
         for end, turn_rad in zip(ends, turns_rad, strict=True)

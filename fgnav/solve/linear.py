@@ -59,17 +59,17 @@ def linearise(problem: Problem, at: States) -> LinearFlight:
         If a residual is not finite.
     """
     layout, parts = Layout.of(problem), list(_rows(problem, at))
-    for part in parts:
-        wrong = part.keyframes[~np.isfinite(part.rows[:, :, -1]).all(axis=1)]
+    for parameter in parts:
+        wrong = parameter.keyframes[~np.isfinite(parameter.rows[:, :, -1]).all(axis=1)]
         if len(wrong):
             raise NoSolutionError(f"residuals are not finite at {problem.t_s[wrong[0]]:.2f} s")
     priors = list(_priors(problem, layout, at))
     squares = [float(prior.getb() @ prior.getb()) for prior in priors]
-    squares += [float((part.rows[:, :, -1] ** 2).sum()) for part in parts]
+    squares += [float((parameter.rows[:, :, -1] ** 2).sum()) for parameter in parts]
     factors: list[list[gtsam.GaussianFactor]] = [[*priors], *([] for _ in problem.t_s[1:])]
     rows, first = _stacked(parts, len(problem.t_s))
     sizes = (6, 3, layout.width - AUX)
-    ends = np.cumsum([0, *sizes, *sizes, *(part.size for part in layout.constants.parts)])
+    ends = np.cumsum([0, *sizes, *sizes, *(parameter.size for parameter in layout.constants.parts)])
     spans = list(pairwise(ends.tolist()))
     used = [bool(rows[:, begin:end].any()) for begin, end in spans]
     for k, of in enumerate(factors):

@@ -32,8 +32,8 @@ def distinct(ends: Sequence[Minimum]) -> list[Minimum]:
     """Return ends of searches without those that have another's minimum, the likeliest first."""
     converged = [end for end in ends if end.solution.converged] or ends
     kept: list[Minimum] = []
-    for end in sorted(converged, key=lambda one: -one.log_evidence):
-        if all(_are_apart(end.solution, one.solution) for one in kept):
+    for end in sorted(converged, key=lambda solution: -solution.log_evidence):
+        if all(_are_apart(end.solution, solution.solution) for solution in kept):
             kept.append(end)
     return kept
 
@@ -48,7 +48,7 @@ def mixture(ends: Sequence[Minimum]) -> Solution:
     weight /= weight.sum()
     parts = [_about(best.states, end.solution) for end in ends]
     covariance, cross, constant, constant_cross = (
-        sum(w * part[i] for w, part in zip(weight, parts, strict=True)) for i in range(4)
+        sum(w * minimum[i] for w, minimum in zip(weight, parts, strict=True)) for i in range(4)
     )
     return replace(
         best,
@@ -74,8 +74,10 @@ def _about(states: States, solution: Solution) -> tuple[FloatArray, ...]:
     )
 
 
-def _are_apart(one: Solution, other: Solution) -> bool:
+def _are_apart(solution: Solution, other: Solution) -> bool:
     """Return True if any rotation is further from the other's than the wider sigma."""
-    turn = one.states.steps_to(other.states)[:, :3]
-    variance = np.maximum(*(np.einsum("nii->ni", s.covariance[:, :3, :3]) for s in (one, other)))
+    turn = solution.states.steps_to(other.states)[:, :3]
+    variance = np.maximum(
+        *(np.einsum("nii->ni", s.covariance[:, :3, :3]) for s in (solution, other))
+    )
     return bool((turn**2 > _APART_SIGMAS**2 * variance).any())

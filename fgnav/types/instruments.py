@@ -59,7 +59,7 @@ class Samples:
 
 def joined(parts: Sequence[Samples]) -> Samples:
     """Return records of one sensor, one after the other."""
-    values = {name: [getattr(part, name) for part in parts] for name in parts[0].columns}
+    values = {name: [getattr(block, name) for block in parts] for name in parts[0].columns}
     rows = {name: np.concatenate(of) for name, of in values.items() if of[0] is not None}
     return replace(parts[0], **rows)  # type: ignore[type-var]  # all records are dataclasses
 

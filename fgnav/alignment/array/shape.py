@@ -149,7 +149,7 @@ def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> Fl
     J, h = information[attitude.solved], vector[attitude.solved]
     if not len(R_nb):
         return off_m[places]
-    columns = np.concatenate([np.arange(3) + 3 * place for place in places])
+    columns = np.concatenate([np.arange(3) + 3 * antenna for antenna in places])
     prior = np.diag(1.0 / variance_m2)
     for _ in range(_ITERATIONS):
         arms_b_m = nominal + off_m
@@ -159,8 +159,8 @@ def _shape(fixed: FixedPhases, places: list[int], variance_m2: FloatArray) -> Fl
         fits = misfit <= _MISFIT * np.median(misfit)
         by_turn = -(R_nb[:, None] @ skew(arms_b_m)).reshape(len(R_nb), -1, 3)
         by_place = np.zeros((len(R_nb), u.shape[1], len(columns)))
-        for k, place in enumerate(places):
-            by_place[:, 3 * place : 3 * place + 3, 3 * k : 3 * k + 3] = R_nb
+        for k, antenna in enumerate(places):
+            by_place[:, 3 * antenna : 3 * antenna + 3, 3 * k : 3 * k + 3] = R_nb
         turn, of_turn = _step(J, slope, by_turn, by_place)
         normal = by_place.swapaxes(1, 2) @ J @ by_place
         right = np.einsum("nji,nj->ni", by_place, slope)

@@ -133,7 +133,7 @@ def _goes_on(
         for j, channel in enumerate(channels)
         if local[j] >= 0
     }
-    named = {place: name for name, place in number.items()}
+    named = {index: name for name, index in number.items()}
     satellites = tuple(named[s] for s in live.satellite.tolist())
     return EarlierArcs(float(t_s[k]), links, 1 + int(of.arc.max()), blocks, live, satellites)
 

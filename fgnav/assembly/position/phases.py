@@ -91,13 +91,13 @@ def _parted(
     names, out, noted = live.names[block], list(observed), []
     for slip in resolved.slips:
         link = names.link[slip.arc]
-        for place, part in enumerate(out):
+        for index, part in enumerate(out):
             channels = zip(part.of.satellites, part.of.signals, strict=True)
             labels = [f"{part.antenna} {satellite} {signal}" for satellite, signal in channels]
             epoch = part.epoch[part.row == k]
             if link in labels and len(epoch):
                 of = _begun_again(part.of, labels.index(link), int(epoch[0]), slip.cycles)
-                out[place] = part._replace(of=of)
+                out[index] = part._replace(of=of)
         noted.append(
             Rejected(
                 what="phase",

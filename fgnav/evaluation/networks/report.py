@@ -34,7 +34,7 @@ def networks_report(comparison: NetworksComparison) -> Report:
     parts = [
         Part("summary", "Answers", charts + _answers(comparison) + _reliability(comparison)),
         Part("worth", "Worth in the method", _worth(comparison)),
-        *(part for part in flights.parts if part.name != "summary"),
+        *(section for section in flights.parts if section.name != "summary"),
     ]
     names = ", ".join(item.name for item in comparison.calibrations)
     return Report(f"{names} on {len(comparison.flights.flights)} flights", flights.methods, parts)

@@ -49,7 +49,7 @@ def styles_of(methods: Sequence[str]) -> dict[str, Style]:
     """
     free = [Style(colour) for colour in COLOURS] + [Style(colour, "--") for colour in COLOURS]
     fixed = {name: free[METHODS.index(name)] for name in methods if name in METHODS}
-    left = [one for one in free if one not in fixed.values()]
+    left = [curve for curve in free if curve not in fixed.values()]
     others = [name for name in methods if name not in fixed]
     fixed |= {name: left[k % len(left)] for k, name in enumerate(others)}
     styles = {TRUTH: Style(INK, "--"), INK_LINE: Style(INK), FIXES: Style(FAIR)}

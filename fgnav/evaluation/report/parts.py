@@ -79,7 +79,7 @@ class Report:
 
 def report(title: str, methods: Sequence[str], parts: Iterable[tuple[str, str, Blocks]]) -> Report:
     """Return a report of those parts that hold anything."""
-    return Report(title, methods, [Part(*part) for part in parts if part[-1]])
+    return Report(title, methods, [Part(*section) for section in parts if section[-1]])
 
 
 def paragraph(*texts: str) -> Blocks:

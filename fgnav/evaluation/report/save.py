@@ -106,8 +106,8 @@ def _save_pdf(report: Report, path: Path) -> None:
 
     metadata: dict[str, Any] = {"Title": report.title, "CreationDate": None, "Creator": "fgnav"}
     with atomic_file(path) as unfinished, PdfPages(unfinished, metadata=metadata) as pdf:
-        for part in report.parts:
-            for sheet in sheets(report, part, _SHEET, cut=False):
+        for section in report.parts:
+            for sheet in sheets(report, section, _SHEET, cut=False):
                 pdf.savefig(sheet)
 
 
@@ -116,9 +116,9 @@ def _save_pngs(report: Report, path: Path) -> list[Path]:
     from fgnav.evaluation.report.render import sheets  # noqa: PLC0415  # lazy
 
     written = []
-    for index, part in enumerate(report.parts):
-        for number, sheet in enumerate(sheets(report, part, _PICTURE, cut=True), 1):
-            name = (f"-{part.name}" if index else "") + (f"-{number}" if number > 1 else "")
+    for index, section in enumerate(report.parts):
+        for number, sheet in enumerate(sheets(report, section, _PICTURE, cut=True), 1):
+            name = (f"-{section.name}" if index else "") + (f"-{number}" if number > 1 else "")
             written.append(path.with_name(f"{path.stem}{name}{path.suffix}"))
             with atomic_file(written[-1]) as unfinished:
                 sheet.savefig(unfinished, format="png", dpi=_DOTS, metadata={"Software": _OURS})

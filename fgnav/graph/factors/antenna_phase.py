@@ -92,11 +92,11 @@ class AntennaPhase:
     @property
     def freedom(self) -> IntArray:
         """Rows of each epoch, (k,)."""
-        return np.array([len(one.z) for one in self.rows], dtype=np.int64)
+        return np.array([len(epoch.z) for epoch in self.rows], dtype=np.int64)
 
     def factor(self, i: int, key: int) -> gtsam.CustomFactor:
         """Return the phases of epoch i as a factor of keyframe ``key``."""
-        one, arm_b_m = self.rows[i], self.arm_b_m[i]
+        epoch, arm_b_m = self.rows[i], self.arm_b_m[i]
         pose, arcs = keys.pose(key), keys.arcs(int(self.block[i]))
         involved, lever = [pose, arcs], -1
         if self.constants.column(LEVER_ARM) >= 0:
@@ -108,25 +108,25 @@ class AntennaPhase:
         ) -> NDArray[np.float64]:
             arm = arm_b_m if lever < 0 else arm_b_m + values.atVector(lever)
             value, by_pose, by_lever = residual(
-                values.atPose3(pose).matrix(), values.atVector(arcs), arm, *one
+                values.atPose3(pose).matrix(), values.atVector(arcs), arm, *epoch
             )
             if H is not None:
-                H[0], H[1] = by_pose, one.H
+                H[0], H[1] = by_pose, epoch.H
                 if lever >= 0:
                     H[2] = by_lever
             return np.asarray(value, dtype=np.float64)
 
-        return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(one.z)), involved, error)
+        return gtsam.CustomFactor(gtsam.noiseModel.Unit.Create(len(epoch.z)), involved, error)
 
     def transition_factor(self, block: int) -> gtsam.NonlinearFactor:
         """Build the transition to the A of a block, from that before or from nothing."""
-        one, point = self.blocks[block - self.first_block], gtsam.Values()
-        terms = [(keys.arcs(block), one.after)]
-        if one.before.shape[1]:
-            terms.append((keys.arcs(block - 1), -one.before))
+        arcs, point = self.blocks[block - self.first_block], gtsam.Values()
+        terms = [(keys.arcs(block), arcs.after)]
+        if arcs.before.shape[1]:
+            terms.append((keys.arcs(block - 1), -arcs.before))
         for key, A in terms:
             point.insert(key, np.zeros(A.shape[1]))
-        return gtsam.LinearContainerFactor(linear_factor(terms, one.right), point)
+        return gtsam.LinearContainerFactor(linear_factor(terms, arcs.right), point)
 
     def ending(self, last: int) -> dict[int, tuple[int, ...]]:
         """Return the blocks that end with each keyframe, the newest being ``last``."""
@@ -157,19 +157,19 @@ def residual(
     (m, 3); with ``arcs`` it changes by H.
     """
     m, R = len(z), np.empty((3, 3))
-    place = np.empty(3)
+    p_n_m = np.empty(3)
     for i in range(3):
-        place[i] = pose[i, 3]
+        p_n_m[i] = pose[i, 3]
         for j in range(3):
             R[i, j] = pose[i, j]
-            place[i] += pose[i, j] * arm[j]
+            p_n_m[i] += pose[i, j] * arm[j]
     turned = rot.product(G, R)
     cross = rot.product(turned, rot.skew(arm))
     value, by_pose = np.empty(m), np.empty((m, 6))
     for i in range(m):
         total = -z[i]
         for j in range(3):
-            total += G[i, j] * place[j]
+            total += G[i, j] * p_n_m[j]
             by_pose[i, j], by_pose[i, 3 + j] = -cross[i, j], turned[i, j]
         for j in range(len(arcs)):
             total += H[i, j] * arcs[j]

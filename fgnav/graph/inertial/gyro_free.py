@@ -243,14 +243,14 @@ class GyroFree:
 
         An interval has the process and the noise of the one that its middle is in.
         """
-        part = parents(self.t_s, t_s)
+        parent = parents(self.t_s, t_s)
         return replace(
             self,
             t_s=t_s,
             gravity_n_mps2=interpolate(t_s, self.t_s, self.gravity_n_mps2),
-            poles_per_s=self.poles_per_s[part],
-            variance_rad2ps2=self.variance_rad2ps2[part],
-            accelerometer_noise=self.accelerometer_noise[part],
+            poles_per_s=self.poles_per_s[parent],
+            variance_rad2ps2=self.variance_rad2ps2[parent],
+            accelerometer_noise=self.accelerometer_noise[parent],
             multipath=None if self.multipath is None else self.multipath.at_times(t_s),
         )
 
@@ -292,7 +292,7 @@ def _empty_rows(j: int, correlated: int) -> Filled:
 
 
 def _rows(states: States) -> Rows:
-    return Rows(*(_contiguous(part) for part in states[:4]))
+    return Rows(*(_contiguous(state) for state in states[:4]))
 
 
 def _contiguous(values: FloatArray) -> FloatArray:

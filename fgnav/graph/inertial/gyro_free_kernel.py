@@ -170,8 +170,8 @@ def _force_rows(
     T, R, v = of.span_s[k], before.R_nb[row], before.v_n_mps[row]
     g, earth = of.gravity_n_mps2[k], of.earth_rate_n_radps
     gain, sums, J = path.gain, path.sums, path.J
-    for part in range(2):  # velocity, then position
-        first, at = 4 * part, 6 - 3 * part
+    for half in range(2):  # velocity, then position
+        first, at = 4 * half, 6 - 3 * half
         by_end = rot.product(sums[first + 2], path.C)
         for i in range(3):
             for j in range(3):
@@ -182,8 +182,8 @@ def _force_rows(
         by_start = rot.product(by_end, rot.transposed(J))
         for i in range(3):
             a, b = (i + 1) % 3, (i + 2) % 3
-            by_start[i, a] += -gain[part, b]
-            by_start[i, b] += gain[part, a]
+            by_start[i, a] += -gain[half, b]
+            by_start[i, b] += gain[half, a]
         _put(out.before[row], at, 0, R, by_start, 1.0)
         _put(out.before[row], at, 9, R, sums[first + 3], 1.0)
     for i in range(3):

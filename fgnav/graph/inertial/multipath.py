@@ -62,14 +62,14 @@ class Multipath:
 
         The links change where the next of the present ones is.
         """
-        part = parents(self.t_s, t_s)
+        parent = parents(self.t_s, t_s)
         ends = np.isin(t_s[1:], self.t_s)
-        kept = np.where(ends[:, None, None], self.kept[part], np.eye(self.size))
+        kept = np.where(ends[:, None, None], self.kept[parent], np.eye(self.size))
         row = (np.searchsorted(self.t_s, t_s, side="right") - 1).clip(0)
         return replace(
             self,
             t_s=t_s,
             share=self.share[row],
-            decay_per_s=self.decay_per_s[part],
+            decay_per_s=self.decay_per_s[parent],
             kept=kept,
         )

@@ -156,8 +156,8 @@ def _rotation_and_jacobian(v: FloatArray, R: FloatArray, L: FloatArray) -> None:
 def _clear(path: Path) -> None:
     """Set the sums along a path to zero."""
     for i in range(3):
-        for part in range(2):
-            path.gain[part, i] = 0.0
+        for k in range(2):
+            path.gain[k, i] = 0.0
         for j in range(3):
-            for part in range(8):
-                path.sums[part, i, j] = 0.0
+            for k in range(8):
+                path.sums[k, i, j] = 0.0

@@ -166,14 +166,14 @@ class Inertial:
 
         An interval has the noise of the one that its middle is in.
         """
-        part = parents(self.t_s, t_s)
+        parent = parents(self.t_s, t_s)
         return replace(
             self,
             t_s=t_s,
             gravity_n_mps2=interpolate(t_s, self.t_s, self.gravity_n_mps2),
-            accelerometer_noise=self.accelerometer_noise[part],
-            gyroscope_noise=self.gyroscope_noise[part],
-            bias_steps=None if self.bias_steps is None else self.bias_steps[part],
+            accelerometer_noise=self.accelerometer_noise[parent],
+            gyroscope_noise=self.gyroscope_noise[parent],
+            bias_steps=None if self.bias_steps is None else self.bias_steps[parent],
         )
 
     def release(self, before: int) -> None:

@@ -67,5 +67,5 @@ def _of_first_epoch(phase: AntennaPhase) -> tuple[FloatArray, FloatArray]:
     own = slice(len(z), len(z) + len(block.right))
     rows[own, :size], rows[own, -1] = block.after, block.right
     root: FloatArray = np.linalg.qr(rows)[1]
-    place = slice(size, size + 3)
-    return root[place, place], root[place, -1]
+    position = slice(size, size + 3)
+    return root[position, position], root[position, -1]

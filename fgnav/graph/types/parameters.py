@@ -108,12 +108,14 @@ class Parameters:
 
     def __post_init__(self) -> None:
         """Lay the parts out."""
-        ends = np.cumsum([part.size for part in self.parts], dtype=np.int64).tolist()
+        ends = np.cumsum([parameter.size for parameter in self.parts], dtype=np.int64).tolist()
         first = (0, *ends)[: len(ends)]
         columns = zip(self.parts, map(slice, first, ends), strict=True)
         object.__setattr__(self, "width", ends[-1] if ends else 0)
         object.__setattr__(self, "first", first)
-        object.__setattr__(self, "_columns", {part.name: columns for part, columns in columns})
+        object.__setattr__(
+            self, "_columns", {parameter.name: columns for parameter, columns in columns}
+        )
 
     def column(self, name: str) -> int:
         """Return the first column of the part of that name; -1 if there is none."""
@@ -127,20 +129,20 @@ class Parameters:
     @property
     def mean(self) -> FloatArray:
         """Return the prior means, (b,)."""
-        return np.concatenate([np.empty(0), *(part.mean for part in self.parts)])
+        return np.concatenate([np.empty(0), *(parameter.mean for parameter in self.parts)])
 
     @property
     def start(self) -> FloatArray:
         """Return where the search starts, (b,)."""
-        return np.concatenate([np.empty(0), *(part.start for part in self.parts)])
+        return np.concatenate([np.empty(0), *(parameter.start for parameter in self.parts)])
 
     @property
     def covariance(self) -> FloatArray:
         """Return the covariance before the flight, (b, b)."""
         P = np.zeros((self.width, self.width))
-        for part, first in zip(self.parts, self.first, strict=True):
-            columns = slice(first, first + part.size)
-            P[columns, columns] = part.covariance
+        for parameter, first in zip(self.parts, self.first, strict=True):
+            columns = slice(first, first + parameter.size)
+            P[columns, columns] = parameter.covariance
         return P
 
 

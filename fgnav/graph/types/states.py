@@ -62,7 +62,7 @@ class States(NamedTuple):
 
     def copied(self) -> "States":
         """Copy the arrays."""
-        return States._make(np.array(part, order="C") for part in self)
+        return States._make(np.array(array, order="C") for array in self)
 
     def moved(self, steps: FloatArray, constant_steps: FloatArray) -> "States":
         """Return the states a step away, (n, D) along their tangents and (b,)."""

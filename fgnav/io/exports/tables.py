@@ -42,8 +42,8 @@ def write_outcome(
     >>> json.loads(Path("summary.json").read_text())["estimate"]["rows"]
     4
     """
-    place = folder / SUMMARY
-    with atomic_file(place) as summary, atomic_file(folder / ESTIMATE) as table:
+    path = folder / SUMMARY
+    with atomic_file(path) as summary, atomic_file(folder / ESTIMATE) as table:
         write_table(table, _table(estimate, origin), col.FORMATS)
         written = {
             "file": ESTIMATE,
@@ -52,7 +52,7 @@ def write_outcome(
         }
         content = json.dumps({**figures, "estimate": written}, indent=2, allow_nan=False)
         summary.write_text(content + "\n", encoding="utf-8")
-        place.unlink(missing_ok=True)
+        path.unlink(missing_ok=True)
 
 
 def _table(estimate: Estimate, origin: Origin) -> col.Samples:
@@ -121,5 +121,5 @@ def _every_column(recorded: RecordedEstimate) -> dict[str, FloatArray]:
     table = estimate_table(recorded.estimate)
     if recorded.estimate.p_n_m is None:
         return table
-    place = place_of_n(recorded.origin, recorded.estimate.p_n_m)
-    return {"t_s": table["t_s"], **col.vectors(col.PLACE, place), **table}
+    coordinates = place_of_n(recorded.origin, recorded.estimate.p_n_m)
+    return {"t_s": table["t_s"], **col.vectors(col.PLACE, coordinates), **table}

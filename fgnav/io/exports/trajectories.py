@@ -167,7 +167,7 @@ def write_kml(recorded: RecordedEstimate, path: Path) -> None:
     4
     """
     track = track_of(recorded)
-    place, above_sea = _above_sea(track.place)
+    coordinates, above_sea = _above_sea(track.place)
     euler_deg = np.degrees(to_euler(track.R_ln @ track.R_nb))
     title = escape(track.title)
     lines = [
@@ -176,7 +176,7 @@ def write_kml(recorded: RecordedEstimate, path: Path) -> None:
         f"<description>{escape(_SEA if above_sea else _NO_GEOID)}</description><gx:Track>",
         f"<altitudeMode>{'absolute' if above_sea else 'clampToGround'}</altitudeMode>",
         *(f"<when>{when}</when>" for when in track.utc_texts),
-        *(f"<gx:coord>{lon:.9f} {lat:.9f} {up:.3f}</gx:coord>" for lat, lon, up in place),
+        *(f"<gx:coord>{lon:.9f} {lat:.9f} {up:.3f}</gx:coord>" for lat, lon, up in coordinates),
         *(f"<gx:angles>{y:.4f} {p:.4f} {r:.4f}</gx:angles>" for r, p, y in euler_deg),
         "</gx:Track></Placemark></Document></kml>",
     ]
@@ -193,13 +193,13 @@ def write_gpx(recorded: RecordedEstimate, path: Path) -> None:
     4
     """
     track = track_of(recorded)
-    place, above_sea = _above_sea(track.place)
+    coordinates, above_sea = _above_sea(track.place)
     lines = [
         '<gpx version="1.1" creator="fgnav" xmlns="http://www.topografix.com/GPX/1/1">',
         f"<trk><name>{escape(recorded.flight)}</name>",
         f"<desc>{escape(_SEA if above_sea else _NO_GEOID)}</desc><trkseg>",
     ]
-    for (lat, lon, up), when in zip(place, track.utc_texts, strict=True):
+    for (lat, lon, up), when in zip(coordinates, track.utc_texts, strict=True):
         height = f"<ele>{up:.3f}</ele>" * above_sea
         lines.append(f'<trkpt lat="{lat:.9f}" lon="{lon:.9f}">{height}<time>{when}</time></trkpt>')
     _write_xml(path, [*lines, "</trkseg></trk></gpx>"])

@@ -77,7 +77,7 @@ def files_of(path: Path | str) -> tuple[Path, ...]:
     table = flight_toml.read_flight_toml(toml)
     names = [*(a.observations for a in table.antenna), *table.gnss.navigation, *table.gnss.orbits]
     names += [table.gnss.base.observations] if table.gnss.base else []
-    names += [one.samples for one in table.sampled]
+    names += [key.samples for key in table.sampled]
     names += [table.photodetector.calibration] if table.photodetector else []
     names += [table.truth.integers] if table.truth else []
     brought = networks.manifests(toml.parent, table.network)
@@ -233,7 +233,7 @@ def _gnss_noise(gnss: GnssTable) -> GnssNoise:
 
 def _check_times(flight: Flight) -> None:
     """Raise where a series has a gap, or lies apart from the GNSS record, as no flight's does."""
-    series = {name: one.t_s for name, one in flight.records.items()}
+    series = {name: record.t_s for name, record in flight.records.items()}
     if flight.observations is not None:
         series["observations"] = flight.observations.t_s
     for name, t_s in series.items():

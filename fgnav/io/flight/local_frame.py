@@ -21,9 +21,9 @@ def place_of_n(origin: Origin, p_n_m: FloatArray) -> FloatArray:
     >>> place_of_n(origin, np.zeros((1, 3))).round(6)
     array([[ 40.107046,   5.729578, 500.      ]])
     """
-    place = geodetic(origin.to_e(p_n_m))
-    place[:, :2] = np.degrees(place[:, :2])
-    return place
+    coordinates = geodetic(origin.to_e(p_n_m))
+    coordinates[:, :2] = np.degrees(coordinates[:, :2])
+    return coordinates
 
 
 def velocity_to_n(origin: Origin, p_n_m: FloatArray, v_ned_mps: FloatArray) -> FloatArray:

@@ -83,8 +83,8 @@ def _antennas(
             file_name = f"{antenna.name if is_plain else f'antenna-{k + 1}'}.rnx"
             if (folder / file_name).exists():  # names that differ in case only
                 file_name = f"antenna-{k + 1}.rnx"
-            place = {"start_gps_s": flight.start_gps_s, "position_e_m": flight.origin.p_e_m}
-            header: dict[str, Any] = {**place, "marker": antenna.name, "version": rinex}
+            origin = {"start_gps_s": flight.start_gps_s, "position_e_m": flight.origin.p_e_m}
+            header: dict[str, Any] = {**origin, "marker": antenna.name, "version": rinex}
             write_observations(folder / file_name, observations, k, **header)
         tables.append(table_of(flight_toml.AntennaTable, antenna, observations=file_name))
     return tuple(tables)
@@ -138,8 +138,8 @@ def _more(record: object, flight: Flight, folder: Path) -> dict[str, Any]:
     if isinstance(record, Photodetector):
         calibration = dict(zip(CALIBRATION, record.calibration.T, strict=True))
         write_table(folder / "quadrant.csv", calibration, FORMATS)
-        (place,) = place_of_n(flight.origin, record.landmark_n_m[None]).tolist()
-        landmark = flight_toml.Place(**dict(zip(PLACE, place, strict=True)))
+        (coordinates,) = place_of_n(flight.origin, record.landmark_n_m[None]).tolist()
+        landmark = flight_toml.Place(**dict(zip(PLACE, coordinates, strict=True)))
         return {"landmark": landmark, "calibration": "quadrant.csv"}
     if isinstance(record, Truth):
         if record.integers is not None:

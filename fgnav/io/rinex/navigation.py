@@ -154,10 +154,10 @@ def _decoded(name: str, lines: Sequence[str], version: int) -> _Message | str:
     shift = begin.end() - _WIDTH  # of fields: a date may stand a column late
     words = [lines[0][shift + _WIDTH * k :][:_WIDTH] for k in range(1, 4)]
     later = 3 if version == 2 else 4
-    words += [one[later + _WIDTH * k :][:_WIDTH] for one in lines[1:] for k in range(4)]
+    words += [line[later + _WIDTH * k :][:_WIDTH] for line in lines[1:] for k in range(4)]
     words = [word if k < len(COLUMNS) and word.strip() else "" for k, word in enumerate(words)]
     is_whole = all(words[k] for k in _NEEDED)
-    is_whole &= not any(one[later + 4 * _WIDTH :].strip() for one in lines[1:])
+    is_whole &= not any(line[later + 4 * _WIDTH :].strip() for line in lines[1:])
     if not is_whole or not all(_NUMBER.fullmatch(word) for word in words if word):
         return "must hold numbers such as -1.234567890123E-04"
     numbers = (float(word.upper().replace("D", "E") or "0") for word in words)
@@ -233,7 +233,7 @@ def _klobuchar(header: Header, body: str) -> FloatArray:
     if header.version < 4 or not matches:
         return np.array(header.klobuchar)
     lines = matches[-1][1].splitlines()
-    words = [one[4 + _WIDTH * k : 4 + _WIDTH * (k + 1)] for one in lines for k in range(4)]
+    words = [line[4 + _WIDTH * k : 4 + _WIDTH * (k + 1)] for line in lines for k in range(4)]
     try:
         return np.array([float(word.upper().replace("D", "E")) for word in words[1:9]])
     except ValueError:

@@ -240,12 +240,12 @@ def _satellites(
     """Read the satellites of an epoch; return rule, line and column of the first broken one."""
     is_2 = body.rows > 0
     for k in range(mark[ANNOUNCED]):
-        named, place, late = line + 1 + k, 0, 0
+        named, position, late = line + 1 + k, 0, 0
         if is_2:
-            named, place = line + k // _NAMES, 32 + 3 * (k % _NAMES)
+            named, position = line + k // _NAMES, 32 + 3 * (k % _NAMES)
             late = mark[SHIFT] if k < _NAMES else 0
-        letter = _char(body, named, place + late)
-        number = _whole(body, named, place + late + 1, 2)
+        letter = _char(body, named, position + late)
+        number = _whole(body, named, position + late + 1, 2)
         letter = _G if is_2 and letter == _BLANK else letter
         is_named = number > 0 and (k < _NAMES or _is_blank(body, named, 0, 32))
         if is_2 and not is_named:
@@ -274,7 +274,7 @@ def scan(body: Body, arrays: ScanArrays) -> IntArray:
     """
     epochs, records, faults, events = 0, 0, 0, 0
     mark = np.zeros(4, np.int64)
-    seen = np.full((128, 100), -1)  # the line of the latest epoch of each satellite
+    index_of = np.full((128, 100), -1)  # the line of the latest epoch of each satellite
     line = _next_line(body, 0)
     while line < len(body.begins):
         is_mark = _begins(body, line, mark)
@@ -288,7 +288,7 @@ def scan(body: Body, arrays: ScanArrays) -> IntArray:
         rule, at, ahead = _extent(body, line, after)
         column = 0
         if rule == 0:
-            rule, at, column = _satellites(body, line, mark, seen, arrays, epochs, records)
+            rule, at, column = _satellites(body, line, mark, index_of, arrays, epochs, records)
         if rule:
             fault = arrays.faults[faults]
             fault[0], fault[1], fault[2] = rule, at, column

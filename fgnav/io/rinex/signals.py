@@ -38,8 +38,8 @@ def fields_of(header: Header, letter: str) -> list[Field]:
             continue
         listed = {code: s for code, s in codes.items() if s[0] == band and code in types}
         first = next((s for s in codes.values() if s[0] == band), band)
-        places = tuple(types.index(code) for code in listed)
-        fields.append(Field(quantity, tuple(listed.values()) or (first,), places))
+        indices = tuple(types.index(code) for code in listed)
+        fields.append(Field(quantity, tuple(listed.values()) or (first,), indices))
     return fields
 
 

@@ -19,15 +19,19 @@ def calibrated_parameters(
     Of a window they are what was known at its end.
     """
     reported = []
-    for one, first in zip(constants.parts, constants.first, strict=True):
-        if not one.reported:
+    for parameter, first in zip(constants.parts, constants.first, strict=True):
+        if not parameter.reported:
             continue
-        columns = slice(first, first + one.size)
-        value: FloatArray = solution.states.constants[columns] - one.origin
+        columns = slice(first, first + parameter.size)
+        value: FloatArray = solution.states.constants[columns] - parameter.origin
         P: FloatArray = solution.constant_covariance[-1, columns, columns]
         reported.append(
             CalibratedParameter(
-                name=one.name, axes=one.axes, unit=one.unit, value=value, covariance=P
+                name=parameter.name,
+                axes=parameter.axes,
+                unit=parameter.unit,
+                value=value,
+                covariance=P,
             )
         )
     return tuple(reported)

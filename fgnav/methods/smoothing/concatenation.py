@@ -19,7 +19,11 @@ def among(estimate: Estimate, from_s: float, until_s: float) -> Estimate:
     """Return an estimate's epochs from a time on and before another."""
     rows = (estimate.t_s >= from_s) & (estimate.t_s < until_s)
     arrays: dict[str, Any] = {name: getattr(estimate, name)[rows] for name in _by_epoch(estimate)}
-    verdicts = (one for one in estimate.verdicts if one.from_s < until_s and one.until_s >= from_s)
+    verdicts = (
+        verdict
+        for verdict in estimate.verdicts
+        if verdict.from_s < until_s and verdict.until_s >= from_s
+    )
     return replace(estimate, **arrays, verdicts=tuple(verdicts))
 
 
@@ -34,11 +38,11 @@ def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) ->
     names = [n for n in _by_epoch(last) if all(getattr(e, n) is not None for e in parts)]
     arrays: dict[str, Any] = {n: np.concatenate([getattr(e, n) for e in parts]) for n in names}
     left_out = keyframes - len(arrays["t_s"])
-    unused = tuple(one for one in last.unused if one.reason != ROUGH)
+    unused = tuple(entry for entry in last.unused if entry.reason != ROUGH)
     if left_out:
         unused = (*unused, Unused(what="keyframe", reason=ROUGH, count=left_out))
     converged = all(e.converged for e in parts)
-    verdicts = tuple(dict.fromkeys(one for part in parts for one in part.verdicts))
+    verdicts = tuple(dict.fromkeys(verdict for estimate in parts for verdict in estimate.verdicts))
     return replace(
         last,
         **arrays,
@@ -51,5 +55,5 @@ def concatenate_estimates(parts: list[Estimate], epochs: int, keyframes: int) ->
 
 def _by_epoch(estimate: Estimate) -> list[str]:
     """Return the fields that have a row for each epoch."""
-    values = {one.name: getattr(estimate, one.name) for one in fields(estimate)}
+    values = {field.name: getattr(estimate, field.name) for field in fields(estimate)}
     return [name for name, value in values.items() if isinstance(value, np.ndarray)]

@@ -39,10 +39,10 @@ def with_custom_heading(prepared: PreparedFlight, custom: Sequence[NamedFactor])
     if opening is None:
         return prepared
     first: dict[int, NamedFactor] = {}
-    for one in custom:
-        involved = list(one.factor.keys())
+    for factor in custom:
+        involved = list(factor.factor.keys())
         if len(involved) == 1 and keys.letter(involved[0]) == "x":
-            first.setdefault(keys.index(involved[0]), one)
+            first.setdefault(keys.index(involved[0]), factor)
     begun = replace(prepared.problem, start=opening.problem.start)
     turned, information = 0.0 + 0.0j, 0.0
     for k in sorted(first):
@@ -85,15 +85,17 @@ def _turned(prepared: PreparedFlight, turn_rad: float, from_s: float) -> Prepare
     )
 
 
-def _heading_correction(problem: Problem, one: NamedFactor, k: int) -> tuple[float, float] | None:
+def _heading_correction(
+    problem: Problem, factor: NamedFactor, k: int
+) -> tuple[float, float] | None:
     """Return by how much a factor wants keyframe k turned about down, and its information.
 
     None if it has too little.
     """
     tried = np.linspace(0, 2 * np.pi, _HEADINGS, endpoint=False)
-    errors = [one.factor.error(_at(problem, k, turn_rad)) for turn_rad in tried]
+    errors = [factor.factor.error(_at(problem, k, turn_rad)) for turn_rad in tried]
     best = float(tried[int(np.argmin(errors))])
-    J, minus_r = one.factor.linearize(_at(problem, k, best)).jacobian()
+    J, minus_r = factor.factor.linearize(_at(problem, k, best)).jacobian()
     by_turn = J[:, :3] @ problem.start.R_nb[k, 2]
     information = float(by_turn @ by_turn)
     if information * _DETERMINED_RAD**2 < 1:

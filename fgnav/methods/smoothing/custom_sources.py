@@ -47,7 +47,7 @@ def custom_factors(
             notes += factors.notes
     asked = custom_constants(asking)
     prepared = prepared.changed(lambda problem: problem.with_constants(asked))
-    networks = tuple(one.name for one in asking if hasattr(one, "manifest"))
+    networks = tuple(source.name for source in asking if hasattr(source, "manifest"))
     sourced = Sourced(
         factors=tuple(made), unused=tuple(unused), notes=tuple(notes), networks=networks
     )
@@ -56,7 +56,7 @@ def custom_factors(
 
 def custom_constants(sources: Iterable[Any]) -> tuple[Parameter, ...]:
     """Return the constants that sources ask for, by an attribute, one source after another."""
-    return tuple(one for source in sources for one in getattr(source, "constants", ()))
+    return tuple(parameter for source in sources for parameter in getattr(source, "constants", ()))
 
 
 def with_timelines(
@@ -78,7 +78,7 @@ def with_networks(sources: tuple[Any, ...], manifests: tuple[Path, ...]) -> tupl
     A network counts once: who gives its ``NeuralFactor`` takes the place of the flight's.
     """
     given = tuple(map(factor_source, sources))
-    stated = {one.manifest.resolve() for one in given if hasattr(one, "manifest")}
+    stated = {source.manifest.resolve() for source in given if hasattr(source, "manifest")}
     return *given, *(factor_source(str(m)) for m in manifests if m.resolve() not in stated)
 
 

@@ -84,7 +84,7 @@ def stated_at(
     name: str,
     prepared: PreparedFlight,
     problem: Problem,
-    part: Solution,
+    solution: Solution,
     rows: IntArray,
 ) -> Estimate:
     """Return the estimate of the body's origin by some rows of a problem, at GNSS time."""
@@ -97,9 +97,9 @@ def stated_at(
             problem.motion.earth_rate_n_radps,
             causal=prepared.causal,
         )
-        part = on_gnss_time(part, timed, problem.constants)
-    w_b_radps = problem.motion.rates_b_radps(t_s, part.states.aux)
-    estimate = stated(name, problem, part, t_s, w_b_radps)
+        solution = on_gnss_time(solution, timed, problem.constants)
+    w_b_radps = problem.motion.rates_b_radps(t_s, solution.states.aux)
+    estimate = stated(name, problem, solution, t_s, w_b_radps)
     added, P = prepared.attitude_inflation_rad2, estimate.attitude_covariance_rad2
     if added is None or P is None:
         return estimate

@@ -24,13 +24,15 @@ def graph_summary(
     measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
     for one in measured:
         factors[one.name] = factors.get(one.name, 0) + len(one.row)
-    custom = Counter(one.name for one in sourced.factors)
+    custom = Counter(factor.name for factor in sourced.factors)
     networks = {name: {"answered": custom[name]} for name in sourced.networks}
     for name, counts in networks.items():
         left_out = [loss for loss in sourced.unused if loss.what == f"{name} answer"]
         counts |= {loss.reason: loss.count for loss in left_out}
     if integers is not None and integers.resolver.startswith("network"):
-        others = {one.reason: one.count for one in integers.unused if one.what == HANDED_OVER}
+        others = {
+            entry.reason: entry.count for entry in integers.unused if entry.what == HANDED_OVER
+        }
         networks[TRUST] = {"answered": len(integers.fixed) - sum(others.values())} | others
     return GraphSummary(
         solver=solution.solver,

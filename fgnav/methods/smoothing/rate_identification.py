@@ -60,19 +60,21 @@ def identified_by_evidence(prepared: PreparedFlight) -> PreparedFlight:
     nominal = _at_its_minimum(problem, motion)
     run, keyframes = decimated(prepared)
     candidates = _climbed(run)
-    highest = max(one.log_posterior for one in candidates.values())
+    highest = max(candidate.log_posterior for candidate in candidates.values())
     plausible = [
-        node for node, one in candidates.items() if one.log_posterior > highest - _PLAUSIBLE
+        node
+        for node, candidate in candidates.items()
+        if candidate.log_posterior > highest - _PLAUSIBLE
     ]
     if len(keyframes) < len(problem.t_s):
         candidates = {node: _candidate(problem, node) for node in plausible}
     here = max(plausible, key=lambda node: candidates[node].log_posterior)
-    best = max(nominal, candidates[here], key=lambda one: one.log_posterior)
+    best = max(nominal, candidates[here], key=lambda candidate: candidate.log_posterior)
     added = _spread(best, (nominal, *candidates.values()))
     if best is nominal:
         return replace(prepared, attitude_inflation_rad2=added)
     note = prior_note(_prior(here))
-    notes = tuple(one for one in prepared.notes if getattr(one, "code", "") != note.code)
+    notes = tuple(text for text in prepared.notes if getattr(text, "code", "") != note.code)
     return replace(
         prepared,
         problem=best.problem,
@@ -102,11 +104,11 @@ def _spread(best: _Candidate, candidates: tuple[_Candidate, ...]) -> FloatArray 
     if best.solution is None:
         return None
     covariance, total = np.zeros((len(best.problem.t_s), 3, 3)), 0.0
-    for one in candidates:
-        if one.solution is None or not one.solution.converged:
+    for candidate in candidates:
+        if candidate.solution is None or not candidate.solution.converged:
             continue
-        share = np.exp(one.log_posterior - best.log_posterior)
-        turn_b = best.solution.states.steps_to(one.solution.states)[:, :3]
+        share = np.exp(candidate.log_posterior - best.log_posterior)
+        turn_b = best.solution.states.steps_to(candidate.solution.states)[:, :3]
         covariance += share * turn_b[:, :, None] * turn_b[:, None, :]
         total += share
     return np.asarray(covariance / max(total, 1.0))

@@ -115,7 +115,7 @@ def _ended(prepared: PreparedFlight, custom: tuple[NamedFactor, ...]) -> _End:
     if not without_attitudes(prepared):
         return end
     measured = (*problem.sensors, *(() if problem.phase is None else (problem.phase,)))
-    count = sum(int(part.freedom.sum()) for part in measured)
+    count = sum(int(measurement.freedom.sum()) for measurement in measured)
     lost = end.solution.cost > _MISFIT * count
     return end._replace(
         solution=replace(end.solution, converged=end.solution.converged and not lost)

@@ -62,7 +62,7 @@ def keyframe_problem(
             constants=constants.start,
         ),
         motion=_motion(now, config, t_s, gravity_n_mps2, constants),
-        sensors=tuple(one.bound(constants) for one in sensors),
+        sensors=tuple(sensor.bound(constants) for sensor in sensors),
         constants=constants,
         attitude_known=np.full(n, has_attitude),
     )
@@ -103,13 +103,13 @@ def _sensors(
         field, iron = field_sensor(config.magnetometer, field_b_ut)
         sensors.append(field)
         constants.append(iron)
-    return tuple(one for one in sensors if len(one.row)), tuple(constants)
+    return tuple(sensor for sensor in sensors if len(sensor.row)), tuple(constants)
 
 
 def _constants(
     config: StreamConfig, of_instruments: tuple[Parameter, ...], *, gyroscope: bool
 ) -> Parameters:
-    requested = [one.parameters() for one in calibration_requests(config.calibrate)]
+    requested = [request.parameters() for request in calibration_requests(config.calibrate)]
     parts = with_landmark(tuple(chain.from_iterable(requested)), config.landmark_n_m)
     parts = (*parts, *of_instruments)
     return Parameters(parts if gyroscope else (*parts, mean_rate()))
@@ -185,5 +185,5 @@ def _series(measured: Measured | None, n: int, arm_b_m: FloatArray) -> tuple[Vec
 
 def _directions(what: str, direction: Direction, n: int) -> Directions:
     """Return a direction in the last of n rows."""
-    one = Directions.of(what, direction.e_b[None], direction.covariance[None])
-    return one.scatter(np.array([n - 1]), n)
+    directions = Directions.of(what, direction.e_b[None], direction.covariance[None])
+    return directions.scatter(np.array([n - 1]), n)

@@ -21,7 +21,7 @@ def epochs_s(flight: Flight) -> FloatArray:
     """Return the epochs of raw observations, or else of fixes, (n,)."""
     if flight.observations is not None:
         return flight.observations.t_s
-    times = [one.t_s for one in flight.fixes]
+    times = [fix.t_s for fix in flight.fixes]
     return np.unique(np.concatenate([np.empty(0), *times]))
 
 
@@ -47,21 +47,21 @@ def concatenate_flights(*parts: Flight) -> Flight:
         If a record does not go on where it ended.
     """
     records: dict[str, Samples] = {}
-    for name in dict.fromkeys(name for part in parts for name in part.records):
-        of = [part.records[name] for part in parts if name in part.records]
-        filled = [one for one in of if len(one.t_s)] or of[:1]
+    for name in dict.fromkeys(name for flight in parts for name in flight.records):
+        of = [flight.records[name] for flight in parts if name in flight.records]
+        filled = [record for record in of if len(record.t_s)] or of[:1]
         records[name] = of[0]
         if name != "truth":
             _follow(name, filled)
             records[name] = concatenate_samples(filled)
     changed: dict[str, Any] = {}
     for name in ("broadcast", "precise"):
-        orbits = [one for part in parts if (one := getattr(part, name)) is not None]
+        orbits = [record for flight in parts if (record := getattr(flight, name)) is not None]
         changed[name] = orbits[-1] if orbits else None
-    changed["observations"] = _observed([one.observations for one in parts])
-    bases = [one.base for one in parts if one.base is not None]
+    changed["observations"] = _observed([record.observations for record in parts])
+    bases = [record.base for record in parts if record.base is not None]
     if bases:
-        ground = _observed([one.observations for one in bases])
+        ground = _observed([record.observations for record in bases])
         changed["base"] = None if ground is None else replace(bases[0], observations=ground)
     return replace(parts[0], **changed).with_records(records)
 
@@ -76,18 +76,18 @@ def _follow(name: str, records: Sequence[Any]) -> None:
 
 def _observed(parts: Sequence[Observations | None]) -> Observations | None:
     """Return observations one after the other; channels that are new come last."""
-    records = [one for one in parts if one is not None]
+    records = [part for part in parts if part is not None]
     if len(records) < 2:
         return records[0] if records else None
     _follow("observations", records)
-    channels = dict.fromkeys(channel for one in records for channel in channels_of(one))
-    place = {channel: j for j, channel in enumerate(channels)}
-    columns = [[place[channel] for channel in channels_of(one)] for one in records]
+    channels = dict.fromkeys(channel for record in records for channel in channels_of(record))
+    column_of = {channel: j for j, channel in enumerate(channels)}
+    columns = [[column_of[channel] for channel in channels_of(record)] for record in records]
     values: dict[str, Any] = {}
     for name in BY_EPOCH:
-        of = [getattr(one, name) for one in records]
+        of = [getattr(record, name) for record in records]
         if name in BY_CHANNEL:
-            of = [_spread(v, c, len(place)) for v, c in zip(of, columns, strict=True)]
+            of = [_spread(v, c, len(column_of)) for v, c in zip(of, columns, strict=True)]
         values[name] = np.concatenate(of)
     return replace(
         records[0],

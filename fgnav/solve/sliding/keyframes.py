@@ -164,7 +164,7 @@ class Keyframes:
         for i in range(counts[0][0], len(self)):
             is_last = i + 1 == len(self) or self._arcs[i + 1] != self._arcs[i]
             arcs = self._arcs[i]
-            active = [one for one in self._linear[i] if one is not None]
+            active = [factor for factor in self._linear[i] if factor is not None]
             self._eliminated.change(i, active, (arcs,) if is_last and arcs else ())
         self._eliminated.solve()
 

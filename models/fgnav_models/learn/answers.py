@@ -147,7 +147,9 @@ class AnswerTerm:
 
     def _rows(self, states: Sequence[States]) -> tuple[Tensor, Tensor]:
         (m, c), D, constants = self.keyframes.shape, states[0].width, states[0].constants
-        R, p, v = (torch.from_numpy(np.stack([one[i] for one in states], axis=1)) for i in range(3))
+        R, p, v = (
+            torch.from_numpy(np.stack([state[i] for state in states], axis=1)) for i in range(3)
+        )
         tangent = torch.zeros(m, c, AUX, dtype=torch.double, requires_grad=True)
         with torch.enable_grad():
             turn, moved, faster = tangent.split(3, dim=2)

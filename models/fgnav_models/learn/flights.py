@@ -60,7 +60,7 @@ class TrainingFlight:
         begin, self.states = self.states, None
         if begin is None or len(begin.constants) != problem.constants.width:
             asked = problem.constants.parts[len(self.prepared.problem.constants.parts) :]
-            prepared = self.prepared.changed(lambda one: one.with_constants(asked))
+            prepared = self.prepared.changed(lambda factor: factor.with_constants(asked))
             prepared = with_custom_heading(prepared, tuple(custom))
             begin = at_once(prepared, tuple(custom)).states
         solution = minimum(problem, custom, begin).solution
@@ -106,7 +106,7 @@ def training_flight(flight: Flight, method: Batch, *, without: str = "") -> Trai
     prepared, sourced = custom_factors(method.factors or (), flight, method.prepare(flight))
 
     def replaced(problem: Problem) -> Problem:
-        left = (one for one in problem.sensors if one.name != without)
+        left = (sensor for sensor in problem.sensors if sensor.name != without)
         return replace(problem, sensors=tuple(left))
 
     prepared = prepared.changed(replaced)

@@ -195,7 +195,7 @@ def factor(  # noqa: PLR0913  # what the manifest of a network says
     manifest = Manifest(
         format=FORMAT,
         name=called,
-        purpose=f"{measures.capitalize()} by {', '.join(one.sensor for one in inputs)}.",
+        purpose=f"{measures.capitalize()} by {', '.join(spec.sensor for spec in inputs)}.",
         onnx=f"{called}.onnx",
         sha256=_NOT_YET,
         licence="BSD-3-Clause",
@@ -210,7 +210,7 @@ def factor(  # noqa: PLR0913  # what the manifest of a network says
 def network_of(module: torch.nn.Module, manifest: Manifest) -> Network:
     """Return a module that keeps a manifest's contract as a network that runs."""
     names = tuple(name for _, name in manifest.outputs())
-    runtime = TorchRuntime(module, tuple(one.name for one in manifest.inputs), names)
+    runtime = TorchRuntime(module, tuple(spec.name for spec in manifest.inputs), names)
     axes = ((0, 1, 2),) * len(manifest.inputs)
     return Network(Path(f"module {manifest.name}"), manifest, runtime, axes)
 
@@ -264,9 +264,9 @@ def _examples(manifest: Manifest) -> list[FloatArray]:
     """Return windows of noise as wide as training's."""
     rng = np.random.default_rng(0)  # nothing is learned of them
     return [
-        np.asarray(one.mean)
-        + np.asarray(one.scale) * rng.standard_normal((_EXAMPLES, one.window, len(one.range)))
-        for one in manifest.inputs
+        np.asarray(spec.mean)
+        + np.asarray(spec.scale) * rng.standard_normal((_EXAMPLES, spec.window, len(spec.range)))
+        for spec in manifest.inputs
     ]
 
 

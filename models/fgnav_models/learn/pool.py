@@ -119,7 +119,7 @@ class FlightPool:
             )
             for k in which
         ]
-        done = dict(zip(which, (one.result() for one in made), strict=True))
+        done = dict(zip(which, (result.result() for result in made), strict=True))
         solved = {k: found for k, found in done.items() if not isinstance(found, str)}
         for _, gradients in solved.values():
             for x, gradient in zip(_trained(factors, parameters or {}), gradients, strict=False):
@@ -133,7 +133,7 @@ class FlightPool:
 
 def _trained(factors: Sequence[NeuralFactor], parameters: Mapping[str, Tensor]) -> list[Tensor]:
     """Return weights of modules, each once, and parameters."""
-    weights = [x for one in factors for x in module_of(one).module.parameters()]
+    weights = [x for factor in factors for x in module_of(factor).module.parameters()]
     return [x for x in dict.fromkeys([*weights, *parameters.values()]) if x.requires_grad]
 
 

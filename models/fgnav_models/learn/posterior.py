@@ -137,7 +137,7 @@ def posterior(
         states,
         PosteriorCovariance(elimination, Layout.of(problem), states),
         elimination.marginals().covariance,
-        tuple(one.detached() for one in terms),
+        tuple(term.detached() for term in terms),
     )
     answered = [x for term in terms for x in (term.value, term.covariance)]
     step, P = _Differentiated.apply(solved, *answered, *parameters.values())

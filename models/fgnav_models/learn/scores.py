@@ -64,6 +64,6 @@ def errors(posterior: Posterior, truth: Truth, of: Sequence[Scored]) -> tuple[Te
         "position": p_n_m - posterior.p_n_m[rows],
         "velocity": v_n_mps - posterior.v_n_mps[rows],
     }
-    places = torch.tensor([i for name in of for i in _PLACES[name]])
-    covariance = posterior.covariance[rows][:, places[:, None], places]
+    indices = torch.tensor([i for name in of for i in _PLACES[name]])
+    covariance = posterior.covariance[rows][:, indices[:, None], indices]
     return torch.cat([parts[name] for name in of], dim=1), covariance

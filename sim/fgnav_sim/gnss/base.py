@@ -15,7 +15,7 @@ from fgnav_sim.scenario import Scenario
 
 
 def stand(
-    place: Point,
+    point: Point,
     sensor: GnssTable,
     scenario: Scenario,
     orbits: BroadcastOrbits | PreciseOrbits,
@@ -42,7 +42,7 @@ def stand(
     """
     still = msgspec.structs.replace(
         scenario,
-        origin=place,
+        origin=point,
         motion=Motion(path=Straight(speed_mps=0.0)),
         flown=None,
         antennas_b_m=((0.0, 0.0, 0.0),),
@@ -62,4 +62,4 @@ def stand(
             satellite_cycles=satellite_cycles,
             rng=rng,
         )
-    return Base(position_e_m=place.frame.p_e_m, observations=received.observations)
+    return Base(position_e_m=point.frame.p_e_m, observations=received.observations)

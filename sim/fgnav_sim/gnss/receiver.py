@@ -68,12 +68,12 @@ def observe(
     measured = _Measured.empty(sensor, (len(t_s), antennas, len(channels.satellites)))
     for first in range(0, len(t_s), _BLOCK):
         block = slice(first, first + _BLOCK)
-        seen = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
-        delay_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], seen)
-        measured.fill(block, seen, offset_s, drift_sps, delay_m)
+        links = _links(scenario, orbits, channels, t_s[block, None] - offset_s[block])
+        delay_m = delays_m(sensor, scenario, messages or orbits, channels, t_s[block], links)
+        measured.fill(block, links, offset_s, drift_sps, delay_m)
         if measured.e_b is not None:
             true_s = t_s[block] - offset_s[block, 0]
-            measured.e_b[block] = e_b = _directions_b(scenario, true_s, seen)
+            measured.e_b[block] = e_b = _directions_b(scenario, true_s, links)
             if sensor.reflectors:
                 measured.mirror(block, _echoes(sensor, scenario, channels, true_s, e_b))
         report(min(1.0, (first + _BLOCK) / len(t_s)))
@@ -142,19 +142,19 @@ class _Measured:
     def fill(
         self,
         block: slice,
-        seen: Links,
+        links: Links,
         offset_s: FloatArray,
         drift_sps: FloatArray,
         delay_m: tuple[FloatArray, FloatArray],
     ) -> None:
         """Set what perfect receivers with these clocks would measure at a block of epochs."""
-        biased_m = seen.range_m + C_MPS * (offset_s[block, :, None] - seen.clock_s)
+        biased_m = links.range_m + C_MPS * (offset_s[block, :, None] - links.clock_s)
         self.code_m[block] = biased_m + delay_m[0][:, None]
         self.phase_m[block] = biased_m + delay_m[1][:, None]
-        drift = drift_sps[block, :, None] - seen.clock_drift_sps
-        self.rate_mps[block] = seen.range_rate_mps + C_MPS * drift
-        self.elevation_rad[block] = seen.elevation_rad
-        self.azimuth_rad[block] = seen.azimuth_rad
+        drift = drift_sps[block, :, None] - links.clock_drift_sps
+        self.rate_mps[block] = links.range_rate_mps + C_MPS * drift
+        self.elevation_rad[block] = links.elevation_rad
+        self.azimuth_rad[block] = links.azimuth_rad
 
     def mirror(self, block: slice, echo: Echoes) -> None:
         """Add what the body mirrors, at a block of epochs."""

@@ -20,7 +20,7 @@ def delays_m(
     orbits: BroadcastOrbits | PreciseOrbits,
     channels: Channels,
     t_s: FloatArray,
-    seen: Links,
+    links: Links,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the delays of code and phase, m, (n, m), the same at all antennas.
 
@@ -37,11 +37,15 @@ def delays_m(
     if not sensor.atmosphere:
         return group_m, np.zeros_like(group_m)
     antenna = geodetic(places_e_m(scenario, t_s))
-    air_m = saastamoinen_m(antenna, seen.elevation_rad)
+    air_m = saastamoinen_m(antenna, links.elevation_rad)
     if isinstance(orbits, PreciseOrbits):  # no messages, so no model of the ionosphere either
         return group_m + air_m, air_m
     ions_m = klobuchar_m(
-        orbits.klobuchar, antenna, seen.elevation_rad, seen.azimuth_rad, scenario.start_gps_s + t_s
+        orbits.klobuchar,
+        antenna,
+        links.elevation_rad,
+        links.azimuth_rad,
+        scenario.start_gps_s + t_s,
     )
     pairs = zip(channels.satellites, channels.signals, strict=True)
     hz = np.array([frequency_hz(*pair) for pair in pairs])

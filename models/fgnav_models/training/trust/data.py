@@ -124,12 +124,12 @@ def samples_of(draw: Draw, rng: np.random.Generator, *, nodes: int) -> TrustSamp
 
 def joined(parts: list[TrustSamples]) -> TrustSamples:
     """Return several sets as one."""
-    rows = np.cumsum([0, *(part.start[-1] for part in parts)])
-    starts = [part.start[:-1] + first for part, first in zip(parts, rows[:-1], strict=True)]
+    rows = np.cumsum([0, *(block.start[-1] for block in parts)])
+    starts = [block.start[:-1] + first for block, first in zip(parts, rows[:-1], strict=True)]
     return TrustSamples(
         start=np.append(np.concatenate(starts), rows[-1]),
-        right=np.concatenate([part.right for part in parts]),
-        features=np.concatenate([part.features for part in parts]),
+        right=np.concatenate([block.right for block in parts]),
+        features=np.concatenate([block.features for block in parts]),
     )
 
 

@@ -69,8 +69,8 @@ def run(order: Order) -> list[str]:
     arrays = [(0, k) for k in range(recipe.draw.arrays)]
     parts = _kept(order, "samples", arrays, partial(_samples, recipe), TrustSamples)
     held_out = np.arange(len(parts)) % _VALIDATION == 0
-    learned = joined([part for part, out in zip(parts, held_out, strict=True) if not out])
-    validation = joined([part for part, out in zip(parts, held_out, strict=True) if out])
+    learned = joined([block for block, out in zip(parts, held_out, strict=True) if not out])
+    validation = joined([block for block, out in zip(parts, held_out, strict=True) if out])
     net = TrustNet(recipe.width, seed=recipe.seed)
     net.normalize(torch.from_numpy(learned.features))
     order.train(
@@ -85,7 +85,7 @@ def run(order: Order) -> list[str]:
     _release(net, recipe, learned, {}, order)
     learned_from = said(recipe.draw)
     draws = [
-        as_table(order.recipe, laid_over(learned_from, one.draw), Draw) for one in recipe.trials
+        as_table(order.recipe, laid_over(learned_from, trial.draw), Draw) for trial in recipe.trials
     ]
     tasks = [(d + 1, k) for d, draw in enumerate(draws) for k in range(draw.arrays)]
     tasks.sort(key=lambda task: task[1])
@@ -142,7 +142,7 @@ def _written(
     if perf_counter() >= deadline_s:
         return
     made = work(task)
-    with atomic_file(folder / f"{task[0]}-{task[1]}.npz") as part, part.open("wb") as file:
+    with atomic_file(folder / f"{task[0]}-{task[1]}.npz") as partial, partial.open("wb") as file:
         np.savez_compressed(
             file, **{name: getattr(made, name) for name in made.__dataclass_fields__}
         )
@@ -185,7 +185,7 @@ def scores(net: torch.nn.Module, samples: TrustSamples) -> tuple[FloatArray, Flo
         for start in range(0, len(samples.features), _CHUNK):
             rows = torch.from_numpy(samples.features[start : start + _CHUNK])
             parts.append([answer.numpy().astype(np.float64) for answer in net(rows)])
-    score, none = (np.concatenate(part) for part in zip(*parts, strict=True))
+    score, none = (np.concatenate(block) for block in zip(*parts, strict=True))
     return score, none
 
 

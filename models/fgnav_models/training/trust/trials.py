@@ -58,9 +58,10 @@ def judge(draw: Draw, rng: np.random.Generator, model: Path, nodes: int) -> Judg
     ours = Network(model=str(model), wrong_max=1.0 - 1e-12, fallback=fallback)(differences, flight)
     right, theirs_right = (
         np.asarray(
-            part.fixed.any(axis=(1, 2)) & ((part.cycles == true) | ~part.fixed).all(axis=(1, 2))
+            answer.fixed.any(axis=(1, 2))
+            & ((answer.cycles == true) | ~answer.fixed).all(axis=(1, 2))
         )
-        for part in (ours, theirs)
+        for answer in (ours, theirs)
     )
     trust = np.zeros(len(true)) if ours.wrong_probability is None else 1 - ours.wrong_probability
     return Judged(
@@ -74,8 +75,8 @@ def judge(draw: Draw, rng: np.random.Generator, model: Path, nodes: int) -> Judg
 
 def flight_of(differences: DoubleDifferences) -> Flight:
     """Return a flight that has the antennas and nothing else."""
-    places = np.vstack([np.zeros(3), differences.baselines_b_m])
-    antennas = (Antenna(name=f"a{k + 1}", position_b_m=p) for k, p in enumerate(places))
+    positions = np.vstack([np.zeros(3), differences.baselines_b_m])
+    antennas = (Antenna(name=f"a{k + 1}", position_b_m=p) for k, p in enumerate(positions))
     origin = Origin(latitude_rad=0.0, longitude_rad=0.0, height_m=0.0)
     return Flight(name="drawn", start_gps_s=0.0, origin=origin, antennas=tuple(antennas))
 
@@ -84,7 +85,7 @@ def merged(parts: Sequence[Judged]) -> Judged:
     """Return verdicts of several arrays as one."""
     names = [field.name for field in fields(Judged)]
     return Judged(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        **{name: np.concatenate([getattr(block, name) for block in parts]) for name in names}
     )
 
 

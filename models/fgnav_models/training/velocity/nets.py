@@ -54,8 +54,8 @@ class VelocityNet(nn.Module):  # type: ignore[misc]  # mypy skips torch
         """Return velocities, (n, 3), and log sigmas, (n, 3), of scaled windows, (n, window, 3)."""
         x = torch.cat(sensed[: 2 if self.gyroscope else 1], dim=2)
         rough = (x[:, 1:] - x[:, :-1]).square().mean(dim=1).clamp_min(_QUIET).log() / 4
-        seen = torch.cat([self.layers(x.transpose(1, 2)), x.mean(dim=1), rough], dim=1)
-        answer = self.dense(seen)
+        features = torch.cat([self.layers(x.transpose(1, 2)), x.mean(dim=1), rough], dim=1)
+        answer = self.dense(features)
         return _SPEED_MPS * answer[:, :3], answer[:, 3:].clamp(*_LOG_SIGMA) + self.log_scale
 
 

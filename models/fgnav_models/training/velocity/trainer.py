@@ -85,7 +85,7 @@ def run(order: Order) -> list[str]:
     source, table = through_smoother(net, recipe)
     write_text(order.out / "outages.csv", table)
     test = outage_flights_of(recipe, _TEST, recipe.outages.held_out)
-    metrics = answer_figures(source, [one.flight.flight for one in test])
+    metrics = answer_figures(source, [flight.flight.flight for flight in test])
     _release(net, windows, source, recipe, metrics, order)
     rows = [[name, key, f"{value:.4g}"] for key, value in metrics.items()]
     return order.report(("network", "figure", "value"), rows)

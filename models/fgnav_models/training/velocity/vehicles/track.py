@@ -35,8 +35,8 @@ class Track:
     def __call__(self, t_s: FloatArray) -> State:
         """Return the motion at times since the start, (n,)."""
         state = self.calm(t_s)
-        place = (t_s + _MARGIN_S) * _SHAKES_HZ
-        shaken = np.stack([np.interp(place, np.arange(len(x)), x) for x in self.shaking.T], 1)
+        phase = (t_s + _MARGIN_S) * _SHAKES_HZ
+        shaken = np.stack([np.interp(phase, np.arange(len(x)), x) for x in self.shaking.T], 1)
         return replace(
             state,
             a_n_mps2=state.a_n_mps2 + np.einsum("nij,nj->ni", state.R_nb, shaken[:, :3]),
