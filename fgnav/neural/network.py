@@ -188,9 +188,9 @@ def _checked_ports(path: Path, manifest: Manifest, session: Session) -> tuple[tu
     )
 
 
-def _checked_axes(where: str, found_port: Input, port: Any) -> tuple[int, ...]:  # noqa: ANN401  # onnxruntime has no types
+def _checked_axes(where: str, spec: Input, port: Any) -> tuple[int, ...]:  # noqa: ANN401  # onnxruntime has no types
     """Return an input's axes less those of length one that the graph leaves out."""
-    shape = ("n", found_port.window, len(found_port.range))
+    shape = ("n", spec.window, len(spec.range))
     axes = [0, 1, 2]
     for axis in (1, 2):
         if len(axes) > len(port.shape) and shape[axis] == 1:
@@ -201,7 +201,7 @@ def _checked_axes(where: str, found_port: Input, port: Any) -> tuple[int, ...]: 
     )
     if not fits or port.type != "tensor(float)":
         raise BadInputError(
-            f"{where}.window: {found_port.name!r} takes {port.type} of shape {port.shape}, must "
+            f"{where}.window: {spec.name!r} takes {port.type} of shape {port.shape}, must "
             f"take float of shape {list(shape)}; export it so"
         )
     return tuple(axes)

@@ -41,9 +41,7 @@ class CustomFactors:
                 _keyframe(factor, key, layout, last) for key in involved if key not in constants
             ]
             self._at[max(rows, default=0)].append((min(rows, default=0), factor))
-        native = [
-            factor for factor in factors if factor.model is None
-        ]  # the others check themselves
+        native = [each for each in factors if each.model is None]  # the others check themselves
         values = flight_values(problem, problem.start) if native else gtsam.Values()
         for factor in native:
             check_factor(factor, values)

@@ -138,10 +138,10 @@ def _opened(
     """
     count = 0
     if opening is not None:
-        for factor in leaving(opening.problem, opening.keyframes):
+        for solution in leaving(opening.problem, opening.keyframes):
             count += 1
-            if factor is not None:
-                yield with_open_heading(factor, opening)
+            if solution is not None:
+                yield with_open_heading(solution, opening)
     if count < len(problem.t_s):
         later = islice(leaving(problem, len(problem.t_s)), count, None)
-        yield from (part for part in later if part is not None)
+        yield from (solution for solution in later if solution is not None)

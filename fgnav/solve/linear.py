@@ -59,13 +59,13 @@ def linearise(problem: Problem, at: States) -> LinearFlight:
         If a residual is not finite.
     """
     layout, parts = Layout.of(problem), list(_rows(problem, at))
-    for parameter in parts:
-        wrong = parameter.keyframes[~np.isfinite(parameter.rows[:, :, -1]).all(axis=1)]
+    for linear in parts:
+        wrong = linear.keyframes[~np.isfinite(linear.rows[:, :, -1]).all(axis=1)]
         if len(wrong):
             raise NoSolutionError(f"residuals are not finite at {problem.t_s[wrong[0]]:.2f} s")
     priors = list(_priors(problem, layout, at))
     squares = [float(prior.getb() @ prior.getb()) for prior in priors]
-    squares += [float((parameter.rows[:, :, -1] ** 2).sum()) for parameter in parts]
+    squares += [float((linear.rows[:, :, -1] ** 2).sum()) for linear in parts]
     factors: list[list[gtsam.GaussianFactor]] = [[*priors], *([] for _ in problem.t_s[1:])]
     rows, first = _stacked(parts, len(problem.t_s))
     sizes = (6, 3, layout.width - AUX)

@@ -32,8 +32,8 @@ def distinct(ends: Sequence[Minimum]) -> list[Minimum]:
     """Return ends of searches without those that have another's minimum, the likeliest first."""
     converged = [end for end in ends if end.solution.converged] or ends
     kept: list[Minimum] = []
-    for end in sorted(converged, key=lambda solution: -solution.log_evidence):
-        if all(_are_apart(end.solution, solution.solution) for solution in kept):
+    for end in sorted(converged, key=lambda minimum: -minimum.log_evidence):
+        if all(_are_apart(end.solution, minimum.solution) for minimum in kept):
             kept.append(end)
     return kept
 

@@ -58,10 +58,10 @@ def concatenate_flights(*parts: Flight) -> Flight:
     for name in ("broadcast", "precise"):
         orbits = [record for flight in parts if (record := getattr(flight, name)) is not None]
         changed[name] = orbits[-1] if orbits else None
-    changed["observations"] = _observed([record.observations for record in parts])
-    bases = [record.base for record in parts if record.base is not None]
+    changed["observations"] = _observed([flight.observations for flight in parts])
+    bases = [flight.base for flight in parts if flight.base is not None]
     if bases:
-        ground = _observed([record.observations for record in bases])
+        ground = _observed([base.observations for base in bases])
         changed["base"] = None if ground is None else replace(bases[0], observations=ground)
     return replace(parts[0], **changed).with_records(records)
 

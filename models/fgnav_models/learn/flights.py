@@ -60,7 +60,7 @@ class TrainingFlight:
         begin, self.states = self.states, None
         if begin is None or len(begin.constants) != problem.constants.width:
             asked = problem.constants.parts[len(self.prepared.problem.constants.parts) :]
-            prepared = self.prepared.changed(lambda factor: factor.with_constants(asked))
+            prepared = self.prepared.changed(lambda problem: problem.with_constants(asked))
             prepared = with_custom_heading(prepared, tuple(custom))
             begin = at_once(prepared, tuple(custom)).states
         solution = minimum(problem, custom, begin).solution
