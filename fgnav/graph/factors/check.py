@@ -116,15 +116,13 @@ def check_factors(
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from fgnav.graph import Position, check_factors, random_states, values_of
+    >>> import gtsam, numpy as np
+    >>> from fgnav.graph import check_factors, pose, random_states, values_of
     >>> rng = np.random.default_rng(1)
     >>> truth = random_states(50, rng)
-    >>> position = Position(
-    ...     row=np.arange(50), value_n_m=truth.p_n_m + rng.normal(size=(50, 3)),
-    ...     white=np.tile(np.eye(3), (50, 1, 1)), arm_b_m=np.zeros(3),
-    ... )
-    >>> factors = [position.factor(k, k) for k in range(50)]
+    >>> noise = gtsam.noiseModel.Isotropic.Sigma(3, 1.0)
+    >>> fixes = truth.p_n_m + rng.normal(size=(50, 3))
+    >>> factors = [gtsam.GPSFactor(pose(k), fix, noise) for k, fix in enumerate(fixes)]
     >>> check_factors(factors, values_of(truth), rng).consistent
     True
     """
