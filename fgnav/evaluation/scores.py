@@ -120,17 +120,21 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
     inside = covered(truth, estimate.t_s)
     real = truth_at(truth, estimate.t_s[inside])
 
-    def at(values: FloatArray | None, less: FloatArray | float = 0.0) -> FloatArray | None:
-        return None if values is None else np.asarray(values[inside] - less)
+    def covered_values(
+        values: FloatArray | None, reference: FloatArray | float = 0.0
+    ) -> FloatArray | None:
+        return None if values is None else np.asarray(values[inside] - reference)
 
     R_nb = estimate.R_nb[inside]
     euler_rad = rotations.wrap(rotations.to_euler(R_nb) - rotations.to_euler(real.R_nb))
     euler_rad[:, [name in hidden(estimate) for name in EULER]] = np.nan
     tangent_b_rad = rotations.log(rotations.transpose(R_nb) @ real.R_nb)
-    position_n_m = at(estimate.p_n_m, real.p_n_m)
-    velocity_n_mps = at(estimate.v_n_mps, real.v_n_mps)
+    position_n_m = covered_values(estimate.p_n_m, real.p_n_m)
+    velocity_n_mps = covered_values(estimate.v_n_mps, real.v_n_mps)
     position, velocity = estimate.position_covariance_m2, estimate.velocity_covariance_m2ps2
-    nees = _nees(tangent_b_rad, at(estimate.attitude_covariance_rad2), _attitude_covariance(real))
+    nees = _nees(
+        tangent_b_rad, covered_values(estimate.attitude_covariance_rad2), _attitude_covariance(real)
+    )
     outside = int((~inside).sum())
     unused = [("epoch", "not judged: outside the truth's time span or in a gap of it", outside)]
     if nees is not None:
@@ -143,11 +147,15 @@ def errors_against(truth: Truth, estimate: Estimate) -> Errors:
         position_n_m=position_n_m,
         velocity_n_mps=velocity_n_mps,
         nees=nees,
-        sigma_rad=at(estimate.sigma_rad),
-        position_sigma_m=at(estimate.position_sigma_m),
-        velocity_sigma_mps=at(estimate.velocity_sigma_mps),
-        position_nees=_nees(position_n_m, at(position), _diagonal(real.position_sigma_m)),
-        velocity_nees=_nees(velocity_n_mps, at(velocity), _diagonal(real.velocity_sigma_mps)),
+        sigma_rad=covered_values(estimate.sigma_rad),
+        position_sigma_m=covered_values(estimate.position_sigma_m),
+        velocity_sigma_mps=covered_values(estimate.velocity_sigma_mps),
+        position_nees=_nees(
+            position_n_m, covered_values(position), _diagonal(real.position_sigma_m)
+        ),
+        velocity_nees=_nees(
+            velocity_n_mps, covered_values(velocity), _diagonal(real.velocity_sigma_mps)
+        ),
         unused=tuple(Unused(what=w, reason=r, count=c) for w, r, c in unused if c),
     )
 

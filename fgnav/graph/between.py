@@ -55,9 +55,9 @@ def with_times(problem: Problem, t_s: FloatArray) -> Problem:
         t_s=dense_s,
         start=_interpolated(problem, dense_s),
         motion=problem.motion.at_times(dense_s),
-        sensors=tuple(sensor.on(row[sensor.row]) for sensor in problem.sensors),
+        sensors=tuple(sensor.move(row[sensor.row]) for sensor in problem.sensors),
         attitude_known=attitude_known,
-        phase=problem.phase and problem.phase.on(row[problem.phase.row]),
+        phase=problem.phase and problem.phase.move(row[problem.phase.row]),
     )
 
 

@@ -191,7 +191,7 @@ class SensorRows(ABC):
         """Return measurement i as a factor of keyframe ``key``."""
         return sensor_factor(self, i, key, self.variables)
 
-    def on(self, row: IntArray) -> Self:
+    def move(self, row: IntArray) -> Self:
         """Move the measurements to other keyframes, (k,)."""
         return replace(self, row=row)
 
@@ -245,6 +245,6 @@ class WrappedSensor:
         """Bind the measurements to the constants of a problem."""
         return replace(self, measurement=self.measurement.bound(constants))
 
-    def on(self, row: IntArray) -> Self:
+    def move(self, row: IntArray) -> Self:
         """Move the measurements to other keyframes, (k,)."""
-        return replace(self, measurement=self.measurement.on(row))
+        return replace(self, measurement=self.measurement.move(row))

@@ -60,7 +60,7 @@ class Subset(WrappedSensor):
         """Return measurement i as a factor of keyframe ``key``."""
         return self.measurement.factor(int(self.indices[i]), key)
 
-    def on(self, row: IntArray) -> "Subset":
+    def move(self, row: IntArray) -> "Subset":
         """Move the measurements to other keyframes, (k,)."""
         return replace(self, keyframes=row)
 

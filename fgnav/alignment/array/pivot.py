@@ -42,14 +42,14 @@ def pivot_views(flight: Flight, *, causal: bool = False) -> tuple[View, ...]:
     everything = np.arange(len(observations.t_s))
     tracked = enough.any(axis=0) if causal else enough.sum(axis=0)
     first = 0 if enough[:, :1].any() or not enough.any() else int(tracked.argmax())
-    by_first = flight if first == 0 else _by(flight, observations, first, everything)
+    by_first = flight if first == 0 else _with_reference(flight, observations, first, everything)
     views = [View(flight=by_first, rows=everything)]
     missing = ~enough[:, first] if enough.size else np.zeros(0, dtype=np.bool_)
     while (enough & missing[:, None]).any():
         remaining = (enough & missing[:, None]).sum(axis=0)
         best = int((remaining > 0).argmax() if causal else remaining.argmax())
         rows = np.flatnonzero(missing & enough[:, best])
-        views.append(View(flight=_by(flight, observations, best, rows), rows=rows))
+        views.append(View(flight=_with_reference(flight, observations, best, rows), rows=rows))
         missing[rows] = False
     return tuple(views)
 
@@ -84,7 +84,9 @@ def pivot_notes(views: tuple[View, ...]) -> Iterator[Note]:
     yield from gap_notes(what, gone_s, "W103", instead=names)
 
 
-def _by(flight: Flight, observations: Observations, reference: int, rows: IntArray) -> Flight:
+def _with_reference(
+    flight: Flight, observations: Observations, reference: int, rows: IntArray
+) -> Flight:
     """Select epochs of a flight and make an antenna the first one."""
     order = [reference, *(k for k in range(len(flight.antennas)) if k != reference)]
     selected = replace(observations[rows].of_antennas(np.array(order)), unused=())

@@ -63,7 +63,7 @@ class InMotion(NamedTuple):
         """Fields by window."""
         return self.until_s, self.begun_s, self.middle_s, self.R_nu, self.sigma_rad
 
-    def at(self, rows: IntArray) -> "InMotion":
+    def select(self, rows: IntArray) -> "InMotion":
         """Select windows."""
         return InMotion._make((*_rows(self.columns, rows), *self[len(self.columns) :]))
 
@@ -103,7 +103,7 @@ class EarlierMotion(NamedTuple):
         count = len(self.windows.until_s)
         last = int(np.searchsorted(self.windows.until_s, from_s, side="right")) - 1
         kept = np.unique(np.r_[:1, max(last, 0) : count])[:count]
-        return self._replace(R_ub=R_ub, windows=self.windows.at(kept))
+        return self._replace(R_ub=R_ub, windows=self.windows.select(kept))
 
 
 def in_motion(
@@ -138,7 +138,7 @@ def in_motion(
     best = _rows(best, np.lexsort((best[-1], best[0])))
     best = _rows(best, np.flatnonzero(np.diff(best[0], prepend=-np.inf) > 0))
     if earlier is not None:
-        before = earlier.windows.at(np.flatnonzero(earlier.windows.until_s <= until_s))
+        before = earlier.windows.select(np.flatnonzero(earlier.windows.until_s <= until_s))
         best = _concatenated([before.columns, best])
     return InMotion._make((*best, rotation, np.zeros(3), imu.gyroscope_bias_radps or np.inf))
 

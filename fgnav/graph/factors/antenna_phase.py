@@ -133,7 +133,7 @@ class AntennaPhase:
         ends = [block.begin_row - 1 for block in self.blocks[1:]] + [last]
         return {k: (j,) for j, k in enumerate(ends[: len(self.blocks)])}
 
-    def on(self, row: IntArray) -> "AntennaPhase":
+    def move(self, row: IntArray) -> "AntennaPhase":
         """Move the phases to other keyframes, (k,), of a finer timeline."""
         of = dict(zip(self.row.tolist(), row.tolist(), strict=True))
         return replace(self, row=row, blocks=_begun_at(self.blocks, of))

@@ -70,7 +70,7 @@ class Sensor(Protocol):
         """Return measurement i as GTSAM's factor of keyframe ``key``."""
         ...
 
-    def on(self, row: IntArray) -> Self:
+    def move(self, row: IntArray) -> Self:
         """Move the measurements to other keyframes, (k,), of a finer timeline."""
         ...
 

@@ -82,5 +82,5 @@ def test_a_block_follows_from_the_one_before():
 def test_blocks_end_before_the_next_begins_and_move_with_their_keyframes():
     of = phases(np.random.default_rng(4), sensors.constants(LEVER_ARM))
     assert of.ending(9) == {2: (0,), 9: (1,)}
-    moved = of.on(np.array([4, 8]))
+    moved = of.move(np.array([4, 8]))
     assert [one.begin_row for one in moved.blocks] == [4, 8]
